@@ -1,0 +1,1 @@
+"""How well a pose can be known: sensors, triplets, covariances, uncertainty fields."""

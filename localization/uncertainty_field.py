@@ -1,0 +1,132 @@
+"""The sensory uncertainty field (Takeda, Facchinetti, Latombe 1994) as a value."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from localization import covariance as cov
+from localization.errors import LocalizationError
+from localization.sensors import Sensor, sensor_hash
+from maps.arrays import BoolArray, FloatArray, IntArray, digest, frozen
+from maps.grid import GridFrame
+from maps.world import World
+
+#: Changes when the same world, sensor and parameters would give other numbers or another layout.
+FIELD_FORMAT = 1
+
+METRICS: dict[str, tuple[str, str]] = {
+    "area95_m2": ("m²", "area of the 95 % ellipse of the best triplet"),
+    "r95_m": ("m", "radius of the circle with the area of the 95 % ellipse"),
+    "ellipse95_m": ("m", "semi-major axis of the 95 % ellipse"),
+    "sigma_max_m": ("m", "largest standard deviation of the position in any direction"),
+    "sigma_rms_m": ("m", "root of the mean of the two position variances"),
+    "sigma_theta_rad": ("rad", "standard deviation of the heading"),
+    "n_visible": ("", "landmarks in view"),
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UncertaintyField:
+    """For every cell, the best visible landmark triplet and the covariance that it gives.
+
+    Attributes
+    ----------
+    world, sensor
+        What the field was computed from.
+    frame
+        Cells; ``shape = (n_rows, n_cols)``, row 0 is the lowest y of the frame.
+    heading
+        Heading of the robot, rad, for which pan limits were applied (0 and irrelevant for sensors that
+        do not depend on it).
+    free
+        Shape (ny, nx), bool: the cell's centre lies in free space. Other cells hold NaN, -1 and 0.
+    covariance
+        Shape (ny, nx, 3): xx, xy, yy in W, m²; NaN where there is no fix.
+    sigma_theta
+        Shape (ny, nx), rad: standard deviation of the heading (of the optical axis for a pan head).
+    triplet
+        Shape (ny, nx, 3), int16: ascending indices into ``world.landmarks``; -1 where there is no fix.
+    pan
+        Shape (ny, nx), rad: optical axis relative to the heading; NaN without a fix or a pan head.
+    n_visible
+        Shape (ny, nx), int16: landmarks in range, facing and line of sight.
+    """
+
+    world: World
+    sensor: Sensor
+    frame: GridFrame
+    heading: float
+    free: BoolArray
+    covariance: FloatArray
+    sigma_theta: FloatArray
+    triplet: IntArray
+    pan: FloatArray
+    n_visible: IntArray
+
+    def __post_init__(self) -> None:
+        shape = self.frame.shape
+        expected = {
+            "free": (np.bool_, shape),
+            "covariance": (np.float64, (*shape, 3)),
+            "sigma_theta": (np.float64, shape),
+            "triplet": (np.int16, (*shape, 3)),
+            "pan": (np.float64, shape),
+            "n_visible": (np.int16, shape),
+        }
+        for name, (dtype, want) in expected.items():
+            array = frozen(getattr(self, name), dtype)
+            if array.shape != want:
+                raise LocalizationError(f"Field {name} has shape {array.shape}, expected {want}.")
+            object.__setattr__(self, name, array)
+
+    @property
+    def has_fix(self) -> BoolArray:
+        """Shape (ny, nx): whether a triplet is visible."""
+        return np.asarray(self.triplet[..., 0] >= 0)
+
+    @property
+    def area95(self) -> FloatArray:
+        """Shape (ny, nx), m²; NaN without a fix."""
+        return cov.area95(self.covariance)
+
+    @property
+    def r95(self) -> FloatArray:
+        """Shape (ny, nx), m; NaN without a fix."""
+        return cov.r95(self.covariance)
+
+    def metric(self, name: str) -> FloatArray:
+        """One of :data:`METRICS` for every cell; NaN where it is not defined.
+
+        Raises
+        ------
+        LocalizationError
+            If the metric is unknown.
+        """
+        if name not in METRICS:
+            raise LocalizationError(f"Unknown metric '{name}'; use one of {', '.join(METRICS)}.")
+        return _METRIC[name](self)
+
+    def content_hash(self) -> str:
+        """SHA-256 (hex) of everything the numbers depend on: world, sensor, grid, heading, format."""
+        return field_hash(self.world, self.sensor, self.frame, self.heading)
+
+
+_METRIC: dict[str, Callable[[UncertaintyField], FloatArray]] = {
+    "area95_m2": lambda f: f.area95,
+    "r95_m": lambda f: f.r95,
+    "ellipse95_m": lambda f: cov.ellipse95(f.covariance)[..., 0],
+    "sigma_max_m": lambda f: np.asarray(np.sqrt(cov.max_eigenvalue(f.covariance))),
+    "sigma_rms_m": lambda f: np.asarray(np.sqrt(0.5 * (f.covariance[..., 0] + f.covariance[..., 2]))),
+    "sigma_theta_rad": lambda f: f.sigma_theta,
+    "n_visible": lambda f: np.where(f.free, f.n_visible.astype(np.float64), np.nan),
+}
+
+
+def field_hash(world: World, sensor: Sensor, frame: GridFrame, heading: float = 0.0) -> str:
+    """Content hash of the field that these inputs give, known before it is computed."""
+    return digest(
+        "field", float(FIELD_FORMAT), world.content_hash(), sensor_hash(sensor), *frame.as_tuple(), heading
+    )

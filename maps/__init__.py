@@ -1,0 +1,1 @@
+"""Where things are: grids, floors, landmarks, lines of sight. No probability."""

@@ -1,0 +1,1 @@
+"""Map and landmark files: one importer per format."""

@@ -1,0 +1,1 @@
+"""Sites drawn for this project: data files only."""

@@ -1,0 +1,1 @@
+"""Which way to go: grid search, sampling (OMPL), smoothing (CasADi)."""

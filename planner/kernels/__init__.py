@@ -1,0 +1,1 @@
+"""Compiled functions on arrays and scalars: no classes, no errors, no files."""

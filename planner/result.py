@@ -1,0 +1,176 @@
+"""PlanResult: what a planner answers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+
+from maps.arrays import FloatArray, IntArray, frozen
+
+
+class PlanStatus(Enum):
+    """Outcome of a plan."""
+
+    EXACT = "exact"  #: bounds met; optimal on the planning grid, then improved
+    APPROXIMATE = "approximate"  #: bounds met; not proven
+    RISK_UNMET = "risk_unmet"  #: no path keeps the bounds; the best effort is returned
+    TIMEOUT = "timeout"  #: deadline hit; the best so far, if any, is returned
+    NO_PATH = "no_path"  #: proven: start and goal are not connected for this robot
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Path:
+    """A polyline with everything that is known at its waypoints; recomputed from the path itself.
+
+    Attributes
+    ----------
+    points
+        Shape (N, 2): (x, y) in W, m.
+    s
+        Shape (N,): arc length from the start, m.
+    heading
+        Shape (N,): direction of travel, rad in [-π, π).
+    covariance
+        Shape (N, 3): xx, xy, yy, m², of one fix (`fix`); NaN where blind.
+    r95
+        Shape (N,): m; NaN where blind.
+    triplet
+        Shape (N, 3), int16: landmark indices, -1 where blind.
+    pan
+        Shape (N,): rad, NaN where blind or without a pan head.
+    clearance
+        Shape (N,): distance from the robot's centre to the nearest obstacle, minus its radius, m.
+    """
+
+    points: FloatArray
+    s: FloatArray
+    heading: FloatArray
+    covariance: FloatArray
+    r95: FloatArray
+    triplet: IntArray
+    pan: FloatArray
+    clearance: FloatArray
+
+    def __post_init__(self) -> None:
+        for name in ("points", "s", "heading", "covariance", "r95", "pan", "clearance"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+        object.__setattr__(self, "triplet", frozen(self.triplet, np.int16))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trajectory:
+    """A path in time, on a fine grid.
+
+    Attributes
+    ----------
+    t
+        Shape (K,): s, ascending from 0.
+    points
+        Shape (K, 2): (x, y) in W, m.
+    velocity
+        Shape (K, 2): m/s.
+    acceleration
+        Shape (K, 2): m/s².
+    """
+
+    t: FloatArray
+    points: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+
+    def __post_init__(self) -> None:
+        for name in ("t", "points", "velocity", "acceleration"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+
+    @property
+    def duration(self) -> float:
+        """Seconds from start to goal."""
+        return float(self.t[-1])
+
+
+@dataclass(frozen=True, slots=True)
+class RouteSummary:
+    """Figures of one route; lengths in m, areas in m², times in s.
+
+    ``cost`` is the objective's integral along the path. Means are per metre driven over the part with a
+    fix; ``blind`` is the length without one; ``worst_at`` the arc length where r95 is largest.
+    ``mean_r95`` and the other figures of uncertainty are None when the whole route is blind.
+    """
+
+    cost: float
+    length: float
+    duration: float
+    mean_r95: float | None
+    max_r95: float | None
+    max_area95: float | None
+    max_ellipse95: float | None
+    worst_at: float | None
+    blind: float
+    min_clearance: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Route:
+    """One way to go: waypoints, motion in time, figures."""
+
+    path: Path
+    trajectory: Trajectory
+    summary: RouteSummary
+
+
+@dataclass(frozen=True, slots=True)
+class Unmet:
+    """A bound that the returned route does not keep.
+
+    Attributes
+    ----------
+    bound
+        Name of the constraint: ``max_r95_m`` or ``blind``.
+    limit, value
+        What was asked and what the route has, m.
+    place
+        (x, y) in W, m, of the worst point.
+    smallest_possible
+        The smallest bound for which a path exists, m; None if none does.
+    message
+        The same in words.
+    """
+
+    bound: str
+    limit: float
+    value: float
+    place: tuple[float, float]
+    smallest_possible: float | None
+    message: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlanResult:
+    """Answer to a :class:`~planner.problem.PlanningProblem`.
+
+    Attributes
+    ----------
+    status
+        Outcome.
+    route
+        The best route found; None if there is none.
+    shortest
+        The shortest route for the same robot, whatever its uncertainty; None if there is none.
+    grid_cost
+        Cost of the optimal 8-connected grid path under the same objective and constraints; None without.
+    planner
+        Which stages shaped the route, e.g. ``grid_search+ompl+casadi``.
+    unmet, warnings
+        What was not reached, and what the caller should know.
+    """
+
+    status: PlanStatus
+    route: Route | None
+    shortest: Route | None
+    grid_cost: float | None
+    planner: str
+    unmet: tuple[Unmet, ...] = ()
+    warnings: tuple[str, ...] = ()
+    stats: dict[str, float] = field(default_factory=dict)
