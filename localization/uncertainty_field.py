@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -97,8 +97,18 @@ class UncertaintyField:
         """Shape (ny, nx), m; NaN without a fix."""
         return cov.r95(self.covariance)
 
-    def metric(self, name: str) -> FloatArray:
-        """One of :data:`METRICS` for every cell; NaN where it is not defined.
+    def __reduce__(self) -> tuple[type[UncertaintyField], tuple[object, ...]]:
+        return (UncertaintyField, tuple(getattr(self, f.name) for f in fields(self)))
+
+    def metric(self, name: str, at: tuple[IntArray, IntArray] | None = None) -> FloatArray:
+        """One of :data:`METRICS`; NaN where it is not defined.
+
+        Parameters
+        ----------
+        name
+            Key of :data:`METRICS`.
+        at
+            Rows and columns of the cells wanted, any shape; None: every cell, shape (ny, nx).
 
         Raises
         ------
@@ -107,21 +117,24 @@ class UncertaintyField:
         """
         if name not in METRICS:
             raise LocalizationError(f"Unknown metric '{name}'; use one of {', '.join(METRICS)}.")
-        return _METRIC[name](self)
+        index = (slice(None), slice(None)) if at is None else at
+        if name == "sigma_theta_rad":
+            return np.asarray(self.sigma_theta[index])
+        if name == "n_visible":
+            return np.where(self.free[index], self.n_visible[index].astype(np.float64), np.nan)
+        return _OF_COVARIANCE[name](self.covariance[index])
 
     def content_hash(self) -> str:
         """SHA-256 (hex) of everything the numbers depend on: world, sensor, grid, heading, format."""
         return field_hash(self.world, self.sensor, self.frame, self.heading)
 
 
-_METRIC: dict[str, Callable[[UncertaintyField], FloatArray]] = {
-    "area95_m2": lambda f: f.area95,
-    "r95_m": lambda f: f.r95,
-    "ellipse95_m": lambda f: cov.ellipse95(f.covariance)[..., 0],
-    "sigma_max_m": lambda f: np.asarray(np.sqrt(cov.max_eigenvalue(f.covariance))),
-    "sigma_rms_m": lambda f: np.asarray(np.sqrt(0.5 * (f.covariance[..., 0] + f.covariance[..., 2]))),
-    "sigma_theta_rad": lambda f: f.sigma_theta,
-    "n_visible": lambda f: np.where(f.free, f.n_visible.astype(np.float64), np.nan),
+_OF_COVARIANCE: dict[str, Callable[[FloatArray], FloatArray]] = {
+    "area95_m2": cov.area95,
+    "r95_m": cov.r95,
+    "ellipse95_m": lambda c: cov.ellipse95(c)[..., 0],
+    "sigma_max_m": lambda c: np.asarray(np.sqrt(cov.max_eigenvalue(c))),
+    "sigma_rms_m": lambda c: np.asarray(np.sqrt(0.5 * (c[..., 0] + c[..., 2]))),
 }
 
 
