@@ -1,0 +1,203 @@
+"""A plan as a picture: map, field, both routes, 95 % ellipses along them, landmarks used."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from api import render
+from localization.covariance import ellipse95
+from localization.uncertainty_field import UncertaintyField
+from maps.arrays import FloatArray
+
+Color = tuple[int, int, int]
+_CHOSEN: Color = (0, 92, 230)
+_SHORTEST: Color = (214, 79, 12)
+_INK: Color = (32, 36, 42)
+_HEADER = 30
+_FOOTER = 84
+_OVERSAMPLING = 2
+_ENLARGEMENTS = (1, 2, 5, 10, 20, 50, 100, 200)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Drawn:
+    name: str
+    color: Color
+    figures: dict[str, Any]
+    points: FloatArray
+    s: FloatArray
+    covariance: FloatArray
+    triplets: list[list[str] | None]
+
+
+def plan_png(field: UncertaintyField, answer: dict[str, Any], *, width: int = 1500, title: str = "") -> bytes:
+    """Picture of a plan over its field.
+
+    Parameters
+    ----------
+    field
+        The field that the plan was made on.
+    answer
+        The answer of ``POST /v1/plans``; without a route only the field is drawn and the status said.
+    width
+        Width of the picture, px; the height follows from the map.
+    title
+        Text above the map.
+
+    Raises
+    ------
+    InvalidPicture
+        If the width makes no sense.
+    """
+    bounds = field.frame.bounds()
+    map_width = max(64, width - 142) * _OVERSAMPLING
+    map_height = round(map_width * (bounds[3] - bounds[1]) / (bounds[2] - bounds[0]))
+    height = map_height // _OVERSAMPLING + _HEADER + _FOOTER
+    render.check_size(width * _OVERSAMPLING, height * _OVERSAMPLING)
+    view = render.fit_view(bounds, map_width, map_height)
+    limits = render.color_range(field.metric("area95_m2"), None, None, "log")
+    routes = _routes(answer)
+    enlargement = _enlargement(routes, view.scale)
+    big = _map_with_routes(field, view, limits, routes, enlargement)
+    image = Image.new("RGB", (width, height), (255, 255, 255))
+    small = (map_width // _OVERSAMPLING, map_height // _OVERSAMPLING)
+    image.paste(big.resize(small, Image.Resampling.LANCZOS), (12, _HEADER))
+    render.paint_color_bar(
+        image, width - 106, colormap="viridis", limits=limits, scale="log", title="area95 [m²]"
+    )
+    draw = ImageDraw.Draw(image)
+    draw.text((12, 8), title or f"{field.world.name}: {answer['status']}", fill=_INK, font=render.font(15))
+    _paint_key(draw, height - _FOOTER + 10, routes, enlargement)
+    return render.encode_png(image)
+
+
+def _map_with_routes(
+    field: UncertaintyField,
+    view: render.View,
+    limits: tuple[float, float],
+    routes: list[_Drawn],
+    enlargement: int,
+) -> Image.Image:
+    image = Image.new("RGB", (view.width, view.height), (255, 255, 255))
+    render.paint_floor(image, view, field.world)
+    render.paint_field(
+        image,
+        view,
+        field,
+        metric="area95_m2",
+        colormap="viridis",
+        limits=limits,
+        scale="log",
+        opacity=0.62,
+    )
+    render.paint_obstacles(image, view, field.world)
+    render.paint_landmarks(image, view, field.world, radius=5.0)
+    positions = dict(zip(field.world.landmarks.ids, field.world.landmarks.positions, strict=True))
+    for route in routes:
+        _paint_route(image, view, route, positions, enlargement)
+    if routes:
+        draw = ImageDraw.Draw(image)
+        for point, letter in ((routes[-1].points[0], "S"), (routes[-1].points[-1], "G")):
+            x, y = (float(v) for v in view.to_pixel(point))
+            draw.ellipse([x - 15, y - 15, x + 15, y + 15], fill=_INK, outline=(255, 255, 255), width=3)
+            draw.text((x, y), letter, fill=(255, 255, 255), font=render.font(20), anchor="mm")
+    return image
+
+
+def _routes(answer: dict[str, Any]) -> list[_Drawn]:
+    out = []
+    if answer.get("shortest_baseline"):
+        out.append(_drawn("shortest", _SHORTEST, answer["shortest_baseline"]))
+    if answer["routes"]:
+        out.append(_drawn("low uncertainty", _CHOSEN, answer["routes"][0]))
+    return out
+
+
+def _drawn(name: str, color: Color, route: dict[str, Any]) -> _Drawn:
+    path = route["path"]
+    blind = [None, None, None]
+    return _Drawn(
+        name=name,
+        color=color,
+        figures=route,
+        points=np.array([[p["x_m"], p["y_m"]] for p in path], dtype=np.float64),
+        s=np.array([p["s_m"] for p in path], dtype=np.float64),
+        covariance=np.array([p["covariance"] or blind for p in path], dtype=np.float64),
+        triplets=[p["triplet"] for p in path],
+    )
+
+
+def _enlargement(routes: list[_Drawn], scale: float) -> int:
+    """Factor that makes a typical ellipse about 18 px (oversampled), from a list of round numbers."""
+    axes = [ellipse95(r.covariance)[..., 0] for r in routes]
+    good = [a[np.isfinite(a)] for a in axes]
+    if not sum(len(a) for a in good):
+        return 1
+    wanted = 18.0 / max(float(np.median(np.concatenate(good))) * scale, 1e-9)
+    return min(_ENLARGEMENTS, key=lambda f: abs(math.log(f / wanted)))
+
+
+def _paint_route(
+    image: Image.Image, view: render.View, route: _Drawn, positions: dict[str, FloatArray], enlargement: int
+) -> None:
+    draw = ImageDraw.Draw(image, "RGBA")
+    chosen = route.color == _CHOSEN
+    step = max(1.5, float(route.s[-1]) / 40)
+    stops = np.searchsorted(route.s, np.arange(0.0, float(route.s[-1]) + 1e-9, step))
+    for i in np.unique(np.minimum(stops, len(route.s) - 1)):
+        for name in (route.triplets[i] or []) if chosen else []:
+            (x0, y0), (x1, y1) = view.to_pixel(np.stack([route.points[i], positions[name]])).tolist()
+            draw.line([(x0, y0), (x1, y1)], fill=(*route.color, 44), width=1)
+        _paint_ellipse(draw, view, route.points[i], route.covariance[i], route.color, enlargement)
+    line = [(float(x), float(y)) for x, y in view.to_pixel(route.points)]
+    draw.line(line, fill=(255, 255, 255, 210), width=9, joint="curve")
+    draw.line(line, fill=(*route.color, 255), width=5, joint="curve")
+    if chosen:
+        for name in sorted({n for t in route.triplets if t for n in t}):
+            x, y = (float(v) for v in view.to_pixel(positions[name]))
+            draw.ellipse([x - 8, y - 8, x + 8, y + 8], outline=(*route.color, 255), width=3)
+
+
+def _paint_ellipse(
+    draw: ImageDraw.ImageDraw,
+    view: render.View,
+    point: FloatArray,
+    covariance: FloatArray,
+    color: Color,
+    enlargement: int,
+) -> None:
+    a, b, azimuth = (float(v) for v in ellipse95(covariance))
+    if not math.isfinite(a):
+        return
+    t = np.linspace(0.0, 2 * math.pi, 49)
+    u, v = enlargement * a * np.cos(t), enlargement * b * np.sin(t)
+    c, s = math.cos(azimuth), math.sin(azimuth)
+    outline = view.to_pixel(point + np.stack([c * u - s * v, s * u + c * v], axis=1))
+    polygon = [(float(x), float(y)) for x, y in outline]
+    draw.polygon(polygon, fill=(*color, 60))
+    draw.line(polygon, fill=(*color, 220), width=2)
+
+
+def _paint_key(draw: ImageDraw.ImageDraw, top: int, routes: list[_Drawn], enlargement: int) -> None:
+    for k, route in enumerate(reversed(routes)):
+        y = top + 8 + 22 * k
+        draw.line([(14, y), (52, y)], fill=route.color, width=4)
+        text = f"{route.name}: {_figures(route.figures)}"
+        draw.text((62, y), text, fill=_INK, font=render.font(14), anchor="lm")
+    note = f"95 % ellipses drawn × {enlargement}" if enlargement > 1 else "95 % ellipses to scale"
+    note += "; thin lines: the triplet used there; ringed dots: landmarks used on the blue route"
+    draw.text((14, top + 60), note, fill=(90, 96, 104), font=render.font(12), anchor="lm")
+
+
+def _figures(route: dict[str, Any]) -> str:
+    u = route["uncertainty"]
+    text = f"{route['length_m']:.1f} m, {route['duration_s']:.1f} s"
+    if u["max_r95_m"] is not None:
+        text += f", r95 mean {u['mean_r95_m']:.3f} m, worst {u['max_r95_m']:.3f} m"
+        text += f", worst ellipse {u['max_area95_m2']:.3g} m²"
+    return text + (f", blind {u['blind_m']:.1f} m" if u["blind_m"] > 0 else "")
