@@ -9,15 +9,14 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw
 
-from api import render
+from api import canvas, layers
+from api.canvas import Color
 from localization.covariance import ellipse95
 from localization.uncertainty_field import UncertaintyField
 from maps.arrays import FloatArray
 
-Color = tuple[int, int, int]
 _CHOSEN: Color = (0, 92, 230)
 _SHORTEST: Color = (214, 79, 12)
-_INK: Color = (32, 36, 42)
 _HEADER = 30
 _FOOTER = 84
 _OVERSAMPLING = 2
@@ -58,34 +57,36 @@ def plan_png(field: UncertaintyField, answer: dict[str, Any], *, width: int = 15
     map_width = max(64, width - 142) * _OVERSAMPLING
     map_height = round(map_width * (bounds[3] - bounds[1]) / (bounds[2] - bounds[0]))
     height = map_height // _OVERSAMPLING + _HEADER + _FOOTER
-    render.check_size(width * _OVERSAMPLING, height * _OVERSAMPLING)
-    view = render.fit_view(bounds, map_width, map_height)
-    limits = render.color_range(field.metric("area95_m2"), None, None, "log")
+    canvas.check_size(width * _OVERSAMPLING, height * _OVERSAMPLING)
+    view = canvas.fit_view(bounds, map_width, map_height)
+    limits = layers.color_range(field.metric("area95_m2"), None, None, "log")
     routes = _routes(answer)
     enlargement = _enlargement(routes, view.scale)
     big = _map_with_routes(field, view, limits, routes, enlargement)
     image = Image.new("RGB", (width, height), (255, 255, 255))
     small = (map_width // _OVERSAMPLING, map_height // _OVERSAMPLING)
     image.paste(big.resize(small, Image.Resampling.LANCZOS), (12, _HEADER))
-    render.paint_color_bar(
+    layers.paint_color_bar(
         image, width - 106, colormap="viridis", limits=limits, scale="log", title="area95 [m²]"
     )
     draw = ImageDraw.Draw(image)
-    draw.text((12, 8), title or f"{field.world.name}: {answer['status']}", fill=_INK, font=render.font(15))
+    draw.text(
+        (12, 8), title or f"{field.world.name}: {answer['status']}", fill=layers.INK, font=canvas.font(15)
+    )
     _paint_key(draw, height - _FOOTER + 10, routes, enlargement)
-    return render.encode_png(image)
+    return canvas.encode_png(image)
 
 
 def _map_with_routes(
     field: UncertaintyField,
-    view: render.View,
+    view: canvas.View,
     limits: tuple[float, float],
     routes: list[_Drawn],
     enlargement: int,
 ) -> Image.Image:
     image = Image.new("RGB", (view.width, view.height), (255, 255, 255))
-    render.paint_floor(image, view, field.world)
-    render.paint_field(
+    layers.paint_floor(image, view, field.world)
+    layers.paint_field(
         image,
         view,
         field,
@@ -95,8 +96,8 @@ def _map_with_routes(
         scale="log",
         opacity=0.62,
     )
-    render.paint_obstacles(image, view, field.world)
-    render.paint_landmarks(image, view, field.world, radius=5.0)
+    layers.paint_obstacles(image, view, field.world)
+    layers.paint_landmarks(image, view, field.world, radius=5.0)
     positions = dict(zip(field.world.landmarks.ids, field.world.landmarks.positions, strict=True))
     for route in routes:
         _paint_route(image, view, route, positions, enlargement)
@@ -104,8 +105,8 @@ def _map_with_routes(
         draw = ImageDraw.Draw(image)
         for point, letter in ((routes[-1].points[0], "S"), (routes[-1].points[-1], "G")):
             x, y = (float(v) for v in view.to_pixel(point))
-            draw.ellipse([x - 15, y - 15, x + 15, y + 15], fill=_INK, outline=(255, 255, 255), width=3)
-            draw.text((x, y), letter, fill=(255, 255, 255), font=render.font(20), anchor="mm")
+            draw.ellipse([x - 15, y - 15, x + 15, y + 15], fill=layers.INK, outline=(255, 255, 255), width=3)
+            draw.text((x, y), letter, fill=(255, 255, 255), font=canvas.font(20), anchor="mm")
     return image
 
 
@@ -143,7 +144,7 @@ def _enlargement(routes: list[_Drawn], scale: float) -> int:
 
 
 def _paint_route(
-    image: Image.Image, view: render.View, route: _Drawn, positions: dict[str, FloatArray], enlargement: int
+    image: Image.Image, view: canvas.View, route: _Drawn, positions: dict[str, FloatArray], enlargement: int
 ) -> None:
     draw = ImageDraw.Draw(image, "RGBA")
     chosen = route.color == _CHOSEN
@@ -165,7 +166,7 @@ def _paint_route(
 
 def _paint_ellipse(
     draw: ImageDraw.ImageDraw,
-    view: render.View,
+    view: canvas.View,
     point: FloatArray,
     covariance: FloatArray,
     color: Color,
@@ -188,10 +189,10 @@ def _paint_key(draw: ImageDraw.ImageDraw, top: int, routes: list[_Drawn], enlarg
         y = top + 8 + 22 * k
         draw.line([(14, y), (52, y)], fill=route.color, width=4)
         text = f"{route.name}: {_figures(route.figures)}"
-        draw.text((62, y), text, fill=_INK, font=render.font(14), anchor="lm")
+        canvas.write(draw, (62, y), text, size=14)
     note = f"95 % ellipses drawn × {enlargement}" if enlargement > 1 else "95 % ellipses to scale"
     note += "; thin lines: the triplet used there; ringed dots: landmarks used on the blue route"
-    draw.text((14, top + 60), note, fill=(90, 96, 104), font=render.font(12), anchor="lm")
+    canvas.write(draw, (14, top + 60), note, size=12, fill=(90, 96, 104))
 
 
 def _figures(route: dict[str, Any]) -> str:
