@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import zarr
 import zarr.errors
+from maps.io.bundle import pack_world, unpack_world
 
 from localization.errors import FieldFormatError, InvalidSensor
 from localization.sensors import sensor_from_dict, sensor_to_dict
@@ -22,7 +23,6 @@ from localization.uncertainty_field import FIELD_FORMAT, UncertaintyField
 from maps.arrays import FloatArray
 from maps.errors import MapError
 from maps.grid import GridFrame
-from maps.io.bundle import pack_world, unpack_world
 
 CHUNK = 256
 _MARK = "surepath_field"
@@ -64,10 +64,7 @@ def save_field(field: UncertaintyField, path: str | Path) -> None:
         If something that is not a field stands at the path, or its parent folder is missing.
     """
     target = Path(path)
-    if target.exists() and not is_field(target):
-        raise FieldFormatError(f"'{target}' exists and is not a field; choose another path or remove it.")
-    if not target.absolute().parent.is_dir():
-        raise FieldFormatError(f"The folder '{target.parent}' does not exist; create it first.")
+    check_target(target)
     temporary = target.with_name(f".{target.name}.{uuid.uuid4().hex}.tmp")
     try:
         with _quiet():
@@ -85,6 +82,18 @@ def save_field(field: UncertaintyField, path: str | Path) -> None:
         raise FieldFormatError(f"Could not write '{target}': {error.strerror or error}.") from error
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+def check_target(path: str | Path) -> None:
+    """Raise :class:`~localization.errors.FieldFormatError` unless a field may be written at the path.
+
+    Ask before a long computation, not after it.
+    """
+    target = Path(path)
+    if target.exists() and not is_field(target):
+        raise FieldFormatError(f"'{target}' exists and is not a field; choose another path or remove it.")
+    if not target.absolute().parent.is_dir():
+        raise FieldFormatError(f"The folder '{target.parent}' does not exist; create it first.")
 
 
 def _write(field: UncertaintyField, folder: Path) -> None:
@@ -141,7 +150,7 @@ def _write(field: UncertaintyField, folder: Path) -> None:
 def _axes(frame: GridFrame) -> tuple[FloatArray, FloatArray]:
     x = frame.origin_x + (np.arange(frame.n_cols) + 0.5) * frame.resolution
     y = frame.origin_y + (np.arange(frame.n_rows) + 0.5) * frame.resolution
-    return x, y
+    return x.astype(np.float64), y.astype(np.float64)
 
 
 def _sync(folder: Path) -> None:
