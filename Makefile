@@ -40,7 +40,7 @@ check: $(READY)  ## ruff, format, mypy, import contracts, dependency audit where
 	@$(BIN)/python tests/audit.py
 
 bench: $(READY)  ## every figure we print, as ratios within one run
-	@$(BIN)/python -m tests.benchmarks
+	@$(BIN)/python -m tests.benchmarks $(ARGS)
 
 lock: $(READY)  ## renew the locked requirements
 	@$(BIN)/python -m pip install --quiet uv

@@ -58,7 +58,7 @@ def test_tracked_files_name_no_machine_or_host():
     bad = re.compile(r"(/work/|/root/|/home/\w|/tmp/|pypi\.org|--index-url|--find-links|file:///)")
     for name in listed.stdout.splitlines():
         path = ROOT / name
-        if not path.exists() or path.suffix in {".png"} or name == "tests/test_architecture.py":
+        if not path.exists() or path.suffix == ".png" or name == "tests/test_architecture.py":
             continue
         for number, line in enumerate(path.read_text(errors="replace").splitlines(), 1):
             assert not bad.search(line), f"{name}:{number}: {line.strip()[:80]}"
