@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 # --- clearance ---
 
 
@@ -35,3 +37,19 @@ def segment_to_segment(p, q):
 def segment_to_segments(p, segments):
     """Distance from a segment to the nearest of all segments; inf when there is none."""
     return min((segment_to_segment(p, s) for s in segments), default=float("inf"))
+
+
+# --- runs ---
+
+
+def masks_of_runs(row_runs, row_offsets, col_runs, col_offsets, shape):
+    """Masks (n_rows, n_cols, n_words), one bit set after the other."""
+    n = len(row_offsets) - 1
+    masks = np.zeros((*shape, max(1, -(-n // 64))), dtype=np.uint64)
+    for i in range(n):
+        bit = np.uint64(1 << (i % 64))
+        for line, first, stop in row_runs[row_offsets[i] : row_offsets[i + 1]]:
+            masks[line, first:stop, i // 64] |= bit
+        for line, first, stop in col_runs[col_offsets[i] : col_offsets[i + 1]]:
+            masks[first:stop, line, i // 64] |= bit
+    return masks
