@@ -1,0 +1,191 @@
+"""Plans as JSON: the answer of ``POST /v1/plans``."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Sequence
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from localization import covariance as cov
+from localization.uncertainty_field import UncertaintyField
+from maps.arrays import FloatArray
+from planner.problem import PlanningProblem
+from planner.result import Path, PlanResult, Route, RouteSummary, Trajectory, Unmet
+
+
+def engine_version() -> str:
+    """Version of the installed distribution, or ``0`` in a bare checkout."""
+    try:
+        return version("surepath")
+    except PackageNotFoundError:
+        return "0"
+
+
+def plan_to_json(
+    result: PlanResult,
+    field: UncertaintyField,
+    *,
+    problem: PlanningProblem,
+    client_ref: str | None = None,
+    warnings: Sequence[str] = (),
+) -> dict[str, Any]:
+    """Answer of ``POST /v1/plans``. Holds no time of computation: same result, same bytes.
+
+    Parameters
+    ----------
+    result, field, problem
+        What was found, on what, for which question.
+    client_ref
+        Comes back as given.
+    warnings
+        Set before the planner's own.
+
+    Returns
+    -------
+    answer
+        JSON-able; ``plan`` is ``p_`` and a hash of everything else; unknown numbers are None.
+    """
+    names = field.world.landmarks.ids
+    answer: dict[str, Any] = {
+        "status": result.status.value,
+        "map": "m_" + field.world.content_hash(),
+        "field": "f_" + field.content_hash(),
+        "planner": result.planner,
+        "engine": engine_version(),
+        "client_ref": client_ref,
+        "request": problem_to_json(problem),
+        "routes": [] if result.route is None else [route_to_json(result.route, names)],
+        "shortest_baseline": None if result.shortest is None else route_to_json(result.shortest, names),
+        "grid_cost": number(result.grid_cost),
+        "unmet": [_unmet(u) for u in result.unmet],
+        "warnings": [*warnings, *result.warnings],
+    }
+    text = json.dumps(answer, sort_keys=True, allow_nan=False, separators=(",", ":"))
+    return {"plan": "p_" + hashlib.sha256(text.encode()).hexdigest(), **answer}
+
+
+def problem_to_json(problem: PlanningProblem) -> dict[str, Any]:
+    """The question in the words of ``POST /v1/plans``, every default filled in."""
+    return {
+        "start": {"x_m": problem.start[0], "y_m": problem.start[1]},
+        "goal": {"x_m": problem.goal[0], "y_m": problem.goal[1]},
+        "robot": {
+            "radius_m": problem.radius,
+            "max_speed_m_s": problem.max_speed,
+            "max_accel_m_s2": problem.max_accel,
+        },
+        "objective": {"kind": problem.objective, "uncertainty_weight_per_m": problem.weight},
+        "constraints": {"max_r95_m": problem.max_r95, "blind_r95_m": problem.blind_r95},
+        "deadline_s": problem.deadline,
+        "seed": problem.seed,
+    }
+
+
+def number(value: float | None) -> float | None:
+    """The number, or None where it is none."""
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def numbers(values: npt.ArrayLike) -> list[float | None]:
+    """Array (N,) as a list with None for what is not finite."""
+    return [v if math.isfinite(v) else None for v in np.asarray(values, dtype=np.float64).tolist()]
+
+
+def route_to_json(route: Route, names: Sequence[str]) -> dict[str, Any]:
+    """Figures, waypoints and motion of one route."""
+    return {
+        **_figures(route.summary),
+        "path": _path(route.path, route.trajectory, names),
+        "trajectory": _trajectory(route.trajectory),
+    }
+
+
+def _figures(summary: RouteSummary) -> dict[str, Any]:
+    return {
+        "cost": number(summary.cost),
+        "length_m": number(summary.length),
+        "duration_s": number(summary.duration),
+        "min_clearance_m": number(summary.min_clearance),
+        "uncertainty": {
+            "mean_r95_m": number(summary.mean_r95),
+            "max_r95_m": number(summary.max_r95),
+            "max_area95_m2": number(summary.max_area95),
+            "max_ellipse95_m": number(summary.max_ellipse95),
+            "blind_m": number(summary.blind),
+            "worst_at_m": number(summary.worst_at),
+        },
+    }
+
+
+def _path(path: Path, trajectory: Trajectory, names: Sequence[str]) -> list[dict[str, Any]]:
+    ellipse = cov.ellipse95(path.covariance)
+    sigma_max = numbers(np.sqrt(cov.max_eigenvalue(path.covariance)))
+    times = numbers(_times_at(path.s, trajectory))
+    columns = zip(
+        path.points.tolist(),
+        numbers(path.s),
+        numbers(path.heading),
+        path.covariance.tolist(),
+        numbers(path.r95),
+        sigma_max,
+        ellipse.tolist(),
+        path.triplet.tolist(),
+        numbers(path.pan),
+        numbers(path.clearance),
+        times,
+        strict=True,
+    )
+    out = []
+    for (x, y), s, theta, c, r95, sigma, (a, b, azimuth), triplet, pan, clearance, t in columns:
+        blind = triplet[0] < 0
+        out.append(
+            {
+                "x_m": x,
+                "y_m": y,
+                "theta_rad": theta,
+                "s_m": s,
+                "t_s": t,
+                "covariance": None if blind else c,
+                "r95_m": None if blind else r95,
+                "sigma_max_m": None if blind else sigma,
+                "ellipse95": None if blind else {"a_m": a, "b_m": b, "theta_rad": azimuth},
+                "triplet": None if blind else [names[i] for i in triplet],
+                "pan_rad": pan,
+                "clearance_m": clearance,
+            }
+        )
+    return out
+
+
+def _times_at(s: FloatArray, trajectory: Trajectory) -> FloatArray:
+    """Time at each waypoint, by arc length; waypoints and trajectory follow the same curve."""
+    steps = np.hypot(*np.diff(trajectory.points, axis=0).T)
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    if along[-1] <= 0 or s[-1] <= 0:
+        return np.zeros_like(s)
+    return np.asarray(np.interp(s / s[-1], along / along[-1], trajectory.t))
+
+
+def _trajectory(trajectory: Trajectory) -> list[dict[str, float]]:
+    rows = np.column_stack(
+        [trajectory.t, trajectory.points, trajectory.velocity, trajectory.acceleration]
+    ).tolist()
+    keys = ("t_s", "x_m", "y_m", "vx_m_s", "vy_m_s", "ax_m_s2", "ay_m_s2")
+    return [dict(zip(keys, row, strict=True)) for row in rows]
+
+
+def _unmet(item: Unmet) -> dict[str, Any]:
+    return {
+        "bound": item.bound,
+        "limit_m": number(item.limit),
+        "value_m": number(item.value),
+        "place": {"x_m": item.place[0], "y_m": item.place[1]},
+        "smallest_possible_m": number(item.smallest_possible),
+        "message": item.message,
+    }
