@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 # --- clearance ---
@@ -53,3 +55,35 @@ def masks_of_runs(row_runs, row_offsets, col_runs, col_offsets, shape):
         for line, first, stop in col_runs[col_offsets[i] : col_offsets[i + 1]]:
             masks[first:stop, line, i // 64] |= bit
     return masks
+
+
+# --- planner: line cost ---
+
+
+def line_rate_integral(rate, start, end):
+    """Integral of a piecewise constant rate along a line in cells: cut at every border, look at the middles.
+
+    On a border the larger rate counts; outside the grid the rate is inf; coordinates within 1e-9 of a border
+    are on it, pieces shorter than 1e-9 cells do not count.
+    """
+
+    def snap(v):
+        return float(round(v)) if abs(v - round(v)) < 1e-9 else v
+
+    (x0, y0), (x1, y1) = (tuple(snap(v) for v in p) for p in (start, end))
+    length = ((x1 - x0) ** 2 + (y1 - y0) ** 2) ** 0.5
+    cuts = {0.0, 1.0}
+    for a, b in ((x0, x1), (y0, y1)):
+        cuts |= {(k - a) / (b - a) for k in range(-2, 200) if a != b and min(a, b) < k < max(a, b)}
+    cuts = sorted(cuts)
+    total = 0.0
+    for t0, t1 in itertools.pairwise(cuts):
+        piece = (t1 - t0) * length
+        if piece < 1e-9:
+            continue
+        x, y = x0 + (t0 + t1) / 2 * (x1 - x0), y0 + (t0 + t1) / 2 * (y1 - y0)
+        columns = {int(x // 1)} | ({int(x) - 1} if x0 == x1 and x == int(x) else set())
+        rows = {int(y // 1)} | ({int(y) - 1} if y0 == y1 and y == int(y) else set())
+        inside = [(0 <= r < rate.shape[0] and 0 <= c < rate.shape[1], r, c) for r in rows for c in columns]
+        total += piece * max(rate[r, c] if ok else float("inf") for ok, r, c in inside)
+    return total
