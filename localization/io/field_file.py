@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 import zarr
 import zarr.errors
-from maps.io.bundle import pack_world, unpack_world
 
-from localization.errors import FieldFormatError, InvalidSensor
+from localization.errors import FieldFormatError, LocalizationError
 from localization.sensors import sensor_from_dict, sensor_to_dict
 from localization.uncertainty_field import FIELD_FORMAT, UncertaintyField
 from maps.arrays import FloatArray
 from maps.errors import MapError
 from maps.grid import GridFrame
+from maps.io.bundle import pack_world, unpack_world
 
 CHUNK = 256
 _MARK = "surepath_field"
@@ -209,7 +209,7 @@ def load_field(path: str | Path) -> UncertaintyField:
                 heading=float(attrs["heading_rad"]),
                 **values,
             )
-        except (KeyError, TypeError, ValueError, OSError, RuntimeError, MapError, InvalidSensor) as error:
+        except (KeyError, TypeError, ValueError, OSError, RuntimeError, MapError, LocalizationError) as error:
             raise FieldFormatError(f"The field '{path}' is damaged: {error}.") from error
     if field.content_hash() != attrs["content_hash"]:
         raise FieldFormatError(f"The field '{path}' does not belong to the world it carries; build it again.")
