@@ -6,6 +6,7 @@
     └── LocalizationError
         ├── InvalidSensor          a sensor with impossible numbers
         ├── DegenerateGeometry     landmarks or a triplet that admit no fix
+        ├── Cancelled              the caller asked to stop
         ├── FieldTooLarge          more cells than the limit
         └── FieldFormatError       a file that is not a field, or not one of this version
 """
@@ -25,6 +26,10 @@ class InvalidSensor(LocalizationError):
 
 class DegenerateGeometry(LocalizationError):
     """Landmarks and place admit no fix, or no covariance."""
+
+
+class Cancelled(LocalizationError):
+    """The caller asked to stop; nothing was kept."""
 
 
 class FieldTooLarge(LocalizationError):

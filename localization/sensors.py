@@ -6,8 +6,11 @@ import math
 from dataclasses import asdict, dataclass, fields
 from typing import Any, Literal
 
+import numpy as np
+
 from localization.errors import InvalidSensor
-from maps.arrays import digest
+from localization.kernels.fix import CENTRED_FREE, CENTRED_LIMITED, OMNIDIRECTIONAL, OPTIMAL
+from maps.arrays import FloatArray, digest
 
 
 def _require(ok: bool, name: str, value: float, rule: str) -> None:  # noqa: FBT001
@@ -133,6 +136,32 @@ MAS97_CAMERA = PinholePanSensor(field_of_view=2 * math.atan(0.5), focal_px=512.0
 #: A navigation laser on reflectors: 0.1° and 30 m.
 LASER = OmnidirectionalSensor(bearing_sigma=math.radians(0.1), max_range=30.0)
 PRESETS: dict[str, Sensor] = {"mas97": MAS97_CAMERA, "laser": LASER}
+
+
+def kernel_args(sensor: Sensor, heading: float = 0.0) -> FloatArray:
+    """The numbers that ``localization.kernels`` take for a sensor.
+
+    Parameters
+    ----------
+    sensor
+        Any sensor.
+    heading
+        Of the robot, rad; pan angles are relative to it.
+
+    Returns
+    -------
+    args
+        Shape (6,): mode, variance of a bearing on the optical axis (rad²), field of view, pan_min, pan_max,
+        heading (rad).
+    """
+    if isinstance(sensor, OmnidirectionalSensor):
+        return np.array([OMNIDIRECTIONAL, sensor.bearing_sigma**2, 2 * math.pi, 0.0, 0.0, heading])
+    if sensor.pan_policy == "optimal":
+        mode = OPTIMAL
+    else:
+        mode = CENTRED_FREE if sensor.has_free_pan else CENTRED_LIMITED
+    variance = (sensor.column_sigma_px / sensor.focal_px) ** 2
+    return np.array([mode, variance, sensor.field_of_view, sensor.pan_min, sensor.pan_max, heading])
 
 
 def sensor_to_dict(sensor: Sensor) -> dict[str, Any]:

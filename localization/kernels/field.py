@@ -1,0 +1,221 @@
+"""Loop over the cells of a tile: who is seen, which triplet is best, what fix it gives."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from localization.kernels.fix import CENTRED_FREE, OMNIDIRECTIONAL, triplet_fix, wrapped
+from localization.kernels.triplets import (
+    is_degenerate,
+    largest_triangle,
+    ranked_triplets,
+    sorted_three,
+    triplet_value,
+)
+
+#: A landmark nearer than this has no usable bearing: the robot stands on it. m
+TOUCH_M = 1e-3
+
+
+@njit(cache=True, nogil=True)
+def visible_indices(words, out):
+    """Indices of the bits set in ``words`` (n_words,) uint64, ascending, into ``out``; their number."""
+    n = 0
+    one = np.uint64(1)
+    for w in range(words.shape[0]):
+        word = words[w]
+        base = w * 64
+        while word != 0:
+            # Whole empty bytes are skipped.
+            if word & np.uint64(255) == 0:
+                word >>= np.uint64(8)
+                base += 8
+                continue
+            if word & one:
+                out[n] = base
+                n += 1
+            word >>= one
+            base += 1
+    return n
+
+
+@njit(cache=True, nogil=True)
+def strongest_first(n, seen, strength, last, n_last, mark, order):
+    """Sort ``seen`` (n,) by falling strength, then index, into ``order``; ``last`` (n_last,) is a good start.
+
+    ``strength`` and ``mark`` are indexed by landmark; ``mark`` must be 0 and is 0 again afterwards.
+    """
+    for a in range(n):
+        mark[seen[a]] = 1
+    m = 0
+    for a in range(n_last):
+        if mark[last[a]] == 1:
+            order[m] = last[a]
+            mark[last[a]] = 0
+            m += 1
+    for a in range(n):
+        if mark[seen[a]] == 1:
+            order[m] = seen[a]
+            mark[seen[a]] = 0
+            m += 1
+    for a in range(1, n):
+        i = order[a]
+        s = strength[i]
+        b = a
+        while b > 0 and (strength[order[b - 1]] < s or (strength[order[b - 1]] == s and order[b - 1] > i)):
+            order[b] = order[b - 1]
+            b -= 1
+        order[b] = i
+
+
+@njit(cache=True, nogil=True)
+def _holds(order, n, at, i):
+    """Whether landmark i is among ``order`` (n,); ``at`` (N,) says where it would be, and may be stale."""
+    return 0 <= at[i] < n and order[at[i]] == i
+
+
+@njit(cache=True, nogil=True)
+def field_tile(
+    centres,
+    free,
+    masks,
+    landmarks,
+    survey,
+    has_survey,
+    sensor,
+    out_covariance,
+    out_sigma_theta,
+    out_triplet,
+    out_pan,
+    out_n_visible,
+):
+    """Best triplet and fix of every free cell of a tile.
+
+    ``centres`` (h, w, 2), ``free`` (h, w), ``masks`` (h, w, n_words) uint64, ``landmarks`` (N, 2), ``survey``
+    (N,) variances, m²; outputs (h, w, 3), (h, w), (h, w, 3), (h, w), (h, w) hold NaN, -1 and 0 before.
+    """
+    h, w = free.shape
+    n_all = landmarks.shape[0]
+    hull_only = sensor[0] == OMNIDIRECTIONAL and not has_survey
+    needs_azimuth = sensor[0] != OMNIDIRECTIONAL and sensor[0] != CENTRED_FREE
+    seen = np.empty(n_all + 1, dtype=np.int64)
+    order = np.empty(n_all + 1, dtype=np.int64)
+    last = np.empty(n_all + 1, dtype=np.int64)
+    hull = np.empty(n_all + 1, dtype=np.int64)
+    mark = np.zeros(n_all, dtype=np.int8)
+    strength = np.empty(n_all)
+    at = np.zeros(n_all, dtype=np.int64)
+    gx = np.empty(n_all)
+    gy = np.empty(n_all)
+    rho = np.empty(n_all)
+    azimuth = np.zeros(n_all)
+    shares = np.zeros(n_all)
+    cx = np.empty(n_all)
+    cy = np.empty(n_all)
+    crho = np.empty(n_all)
+    values = np.empty(1)
+    triplets = np.empty((1, 3), dtype=np.int64)
+    corners = np.empty(3, dtype=np.int64)
+    n_last = 0
+    s0 = -1
+    s1 = -1
+    s2 = -1
+    for row in range(h):
+        for col in range(w):
+            if not free[row, col]:
+                continue
+            x = centres[row, col, 0]
+            y = centres[row, col, 1]
+            n_bits = visible_indices(masks[row, col], seen)
+            n = 0
+            for a in range(n_bits):
+                i = seen[a]
+                dx = landmarks[i, 0] - x
+                dy = landmarks[i, 1] - y
+                r2 = dx * dx + dy * dy
+                if r2 >= TOUCH_M * TOUCH_M:
+                    seen[n] = i
+                    strength[i] = 1.0 / r2
+                    gx[n] = dx / r2
+                    gy[n] = dy / r2
+                    n += 1
+            out_n_visible[row, col] = n
+            if n < 3:
+                continue
+            i0 = -1
+            i1 = -1
+            i2 = -1
+            if hull_only:
+                d = largest_triangle(n, gx, gy, order, hull, corners)
+                if corners[0] >= 0:
+                    i0 = seen[corners[0]]
+                    i1 = seen[corners[1]]
+                    i2 = seen[corners[2]]
+                    if is_degenerate(d, strength[i0] + strength[i1] + strength[i2]):
+                        i0 = -1
+            if i0 < 0:
+                strongest_first(n, seen, strength, last, n_last, mark, order)
+                for a in range(n):
+                    i = order[a]
+                    last[a] = i
+                    at[i] = a
+                    s = strength[i]
+                    dx = landmarks[i, 0] - x
+                    dy = landmarks[i, 1] - y
+                    gx[a] = dx * s
+                    gy[a] = dy * s
+                    rho[a] = math.sqrt(s)
+                    shares[a] = survey[i] * s
+                    if needs_azimuth:
+                        azimuth[a] = wrapped(math.atan2(dy, dx) - sensor[5])
+                n_last = n
+                # The neighbour's triplet tells how good the best is at least.
+                known = 0.0
+                if (
+                    s0 >= 0
+                    and _holds(order, n, at, s0)
+                    and _holds(order, n, at, s1)
+                    and _holds(order, n, at, s2)
+                ):
+                    # In the order of the search, so that both compute the same number.
+                    a0, a1, a2 = sorted_three(at[s0], at[s1], at[s2])
+                    known = triplet_value(a0, a1, a2, gx, gy, rho, azimuth, shares, sensor)
+                found = ranked_triplets(
+                    n,
+                    order,
+                    gx,
+                    gy,
+                    rho,
+                    azimuth,
+                    shares,
+                    sensor,
+                    max(known, 0.0),
+                    cx,
+                    cy,
+                    crho,
+                    hull,
+                    values,
+                    triplets,
+                )
+                if found == 0:
+                    continue
+                i0 = triplets[0, 0]
+                i1 = triplets[0, 1]
+                i2 = triplets[0, 2]
+                s0 = i0
+                s1 = i1
+                s2 = i2
+            xx, xy, yy, heading, pan = triplet_fix(x, y, i0, i1, i2, landmarks, survey, sensor)
+            if math.isnan(xx):
+                continue
+            out_covariance[row, col, 0] = xx
+            out_covariance[row, col, 1] = xy
+            out_covariance[row, col, 2] = yy
+            out_sigma_theta[row, col] = math.sqrt(heading)
+            out_triplet[row, col, 0] = i0
+            out_triplet[row, col, 1] = i1
+            out_triplet[row, col, 2] = i2
+            out_pan[row, col] = pan

@@ -1,0 +1,329 @@
+"""Exact search for the best triplet in one place: largest triangle, and branch and bound (MATH §3).
+
+Sought is the triplet with the largest ``D² / (v1 v2 + v1 v3 + v2 v3)``, which is 1 / det Σ. Landmarks come
+inverted (see ``kernels.fix``). Nothing here depends on where a search started: a triplet's value is a
+function of the place alone, every triplet that could reach the best is looked at, and of equal values the
+triplet with the smallest indices wins.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from localization.kernels.fix import (
+    CENTRED_FREE,
+    DEGENERATE,
+    FIT_TOLERANCE,
+    OMNIDIRECTIONAL,
+    bearing_variance,
+    pan_axis,
+)
+
+# Share by which bounds are loosened, far above rounding: an equal triplet is never cut off.
+_SLACK = 1e-11
+
+
+@njit(cache=True, nogil=True)
+def sorted_three(i, j, k):
+    """Three numbers in ascending order."""
+    if i > j:
+        i, j = j, i
+    if j > k:
+        j, k = k, j
+    if i > j:
+        i, j = j, i
+    return i, j, k
+
+
+@njit(cache=True, nogil=True)
+def comes_before(i, j, k, triplet):
+    """Whether the ascending triplet (i, j, k) is lexicographically smaller than ``triplet`` (3,)."""
+    if i != triplet[0]:
+        return i < triplet[0]
+    if j != triplet[1]:
+        return j < triplet[1]
+    return k < triplet[2]
+
+
+@njit(cache=True, nogil=True)
+def is_degenerate(d, size):
+    """Whether twice the area ``d`` is lost in rounding; ``size`` = ρ1² + ρ2² + ρ3²."""
+    return not abs(d) > DEGENERATE * size
+
+
+@njit(cache=True, nogil=True)
+def _turn(xs, ys, a, b, c):
+    """Twice the signed area of the triangle of points a, b, c."""
+    return (xs[b] - xs[a]) * (ys[c] - ys[a]) - (ys[b] - ys[a]) * (xs[c] - xs[a])
+
+
+@njit(cache=True, nogil=True)
+def _hull(n, xs, ys, order, hull):
+    """Convex hull of points (n,), counter-clockwise, into ``hull``; its size. ``order`` is scratch."""
+    # The extreme points of eight directions span an octagon; what lies inside it cannot matter.
+    e0 = 0
+    e1 = 0
+    e2 = 0
+    e3 = 0
+    e4 = 0
+    e5 = 0
+    e6 = 0
+    e7 = 0
+    for i in range(1, n):
+        x = xs[i]
+        y = ys[i]
+        if x > xs[e0]:
+            e0 = i
+        if x < xs[e4]:
+            e4 = i
+        if y > ys[e2]:
+            e2 = i
+        if y < ys[e6]:
+            e6 = i
+        s = x + y
+        if s > xs[e1] + ys[e1]:
+            e1 = i
+        if s < xs[e5] + ys[e5]:
+            e5 = i
+        s = y - x
+        if s > ys[e3] - xs[e3]:
+            e3 = i
+        if s < ys[e7] - xs[e7]:
+            e7 = i
+    corners = (e0, e1, e2, e3, e4, e5, e6, e7)
+    m = 0
+    for i in range(n):
+        x = xs[i]
+        y = ys[i]
+        inside = True
+        a = e7
+        for b in corners:
+            if a != b:
+                if (xs[b] - xs[a]) * (y - ys[a]) - (ys[b] - ys[a]) * (x - xs[a]) <= 0.0:
+                    inside = False
+                    break
+                a = b
+        if inside:
+            continue
+        # Insertion by (x, y): few are left.
+        k = m
+        while k > 0 and (xs[order[k - 1]] > x or (xs[order[k - 1]] == x and ys[order[k - 1]] > y)):
+            order[k] = order[k - 1]
+            k -= 1
+        order[k] = i
+        m += 1
+    size = 0
+    for step in range(m):
+        i = order[step]
+        while size >= 2 and _turn(xs, ys, hull[size - 2], hull[size - 1], i) <= 0.0:
+            size -= 1
+        hull[size] = i
+        size += 1
+    lower = size + 1
+    for step in range(m - 2, -1, -1):
+        i = order[step]
+        while size >= lower and _turn(xs, ys, hull[size - 2], hull[size - 1], i) <= 0.0:
+            size -= 1
+        hull[size] = i
+        size += 1
+    return size - 1
+
+
+@njit(cache=True, nogil=True)
+def largest_triangle(n, xs, ys, order, hull, triplet):
+    """Largest triangle among points (n,): twice its area, its corners ascending in ``triplet`` (3,).
+
+    ``order`` (n,), ``hull`` (n + 1,) are scratch. Corners -1 and area 0 where all points lie on a line.
+    """
+    triplet[:] = -1
+    best = 0.0
+    size = _hull(n, xs, ys, order, hull)
+    for a in range(size - 2):
+        i = hull[a]
+        c = a + 2
+        for b in range(a + 1, size - 1):
+            j = hull[b]
+            c = max(c, b + 1)
+            area = _turn(xs, ys, i, j, hull[c])
+            # Along a convex polygon the height over (i, j) rises to one top and falls.
+            while c + 1 < size:
+                following = _turn(xs, ys, i, j, hull[c + 1])
+                if following < area:
+                    break
+                area = following
+                c += 1
+            if area >= best and area > 0.0:
+                k0, k1, k2 = sorted_three(i, j, hull[c])
+                if area > best or comes_before(k0, k1, k2, triplet):
+                    best = area
+                    triplet[0] = k0
+                    triplet[1] = k1
+                    triplet[2] = k2
+    return best
+
+
+@njit(cache=True, nogil=True)
+def triplet_value(i, j, k, gx, gy, rho, azimuth, survey, sensor):
+    """``D² / (v1 v2 + v1 v3 + v2 v3)`` of the landmarks i, j, k; -1 when they give no fix together.
+
+    ``gx``, ``gy`` inverted, ``rho`` 1/r, ``azimuth`` relative to the heading, ``survey`` (rad²): (n,).
+    """
+    x1 = gx[i]
+    y1 = gy[i]
+    x2 = gx[j]
+    y2 = gy[j]
+    x3 = gx[k]
+    y3 = gy[k]
+    d = (x2 - x1) * (y3 - y1) - (y2 - y1) * (x3 - x1)
+    if is_degenerate(d, rho[i] * rho[i] + rho[j] * rho[j] + rho[k] * rho[k]):
+        return -1.0
+    mode = sensor[0]
+    if mode == OMNIDIRECTIONAL:
+        v1 = sensor[1] + survey[i]
+        v2 = sensor[1] + survey[j]
+        v3 = sensor[1] + survey[k]
+    elif mode == CENTRED_FREE:
+        c12 = (x1 * x2 + y1 * y2) / (rho[i] * rho[j])
+        c13 = (x1 * x3 + y1 * y3) / (rho[i] * rho[k])
+        c23 = (x2 * x3 + y2 * y3) / (rho[j] * rho[k])
+        # The widest pair are the outer two; all three must lie in the half plane around their middle.
+        s = 0.5 * (1.0 + min(c12, c13, c23))
+        if c12 <= c13 and c12 <= c23:
+            inner = 0.5 * (c13 + c23)
+        elif c13 <= c23:
+            inner = 0.5 * (c12 + c23)
+        else:
+            inner = 0.5 * (c12 + c13)
+        if 2.0 * s - 1.0 < math.cos(sensor[2]) - FIT_TOLERANCE or inner < s * (1.0 - FIT_TOLERANCE):
+            return -1.0
+        # cos² off the axis: s for the outer two, inner² / s for the middle one.
+        outer = sensor[1] * s * s
+        m = inner * inner / s
+        middle = sensor[1] * m * m
+        if c12 <= c13 and c12 <= c23:
+            v1 = outer + survey[i]
+            v2 = outer + survey[j]
+            v3 = middle + survey[k]
+        elif c13 <= c23:
+            v1 = outer + survey[i]
+            v2 = middle + survey[j]
+            v3 = outer + survey[k]
+        else:
+            v1 = middle + survey[i]
+            v2 = outer + survey[j]
+            v3 = outer + survey[k]
+    else:
+        axis = pan_axis(
+            azimuth[i], azimuth[j], azimuth[k], survey[i], survey[j], survey[k], sensor, FIT_TOLERANCE
+        )
+        if math.isnan(axis):
+            return -1.0
+        v1 = bearing_variance(azimuth[i] - axis, sensor[1], survey[i])
+        v2 = bearing_variance(azimuth[j] - axis, sensor[1], survey[j])
+        v3 = bearing_variance(azimuth[k] - axis, sensor[1], survey[k])
+    return d * d / (v1 * v2 + v3 * (v1 + v2))
+
+
+@njit(cache=True, nogil=True)
+def offer(value, i, j, k, values, triplets, found):
+    """Put an ascending triplet into the ranked list (values (K,), triplets (K, 3)); new length."""
+    size = values.shape[0]
+    at = found
+    while at > 0 and (
+        value > values[at - 1] or (value == values[at - 1] and comes_before(i, j, k, triplets[at - 1]))
+    ):
+        at -= 1
+    if at == size:
+        return found
+    for row in range(min(found, size - 1), at, -1):
+        values[row] = values[row - 1]
+        triplets[row, 0] = triplets[row - 1, 0]
+        triplets[row, 1] = triplets[row - 1, 1]
+        triplets[row, 2] = triplets[row - 1, 2]
+    values[at] = value
+    triplets[at, 0] = i
+    triplets[at, 1] = j
+    triplets[at, 2] = k
+    return min(found + 1, size)
+
+
+@njit(cache=True, nogil=True)
+def ranked_triplets(
+    n, index, gx, gy, rho, azimuth, survey, sensor, known, cx, cy, crho, cid, values, triplets
+):
+    """The K best triplets, best first: ``values`` (K,), ``triplets`` (K, 3) ascending indices; their number.
+
+    All landmark arrays (n,) are in the order of falling ``rho`` (then index); ``index`` holds the indices
+    that are reported. ``known`` is a value that some triplet is known to reach (K = 1), or 0. ``cx`` to
+    ``cid`` (n,) are scratch.
+
+    Branch and bound over pairs of the two nearest landmarks. Within a field of view F, and with
+    ρ_i ≥ ρ_j ≥ ρ_k, ``D ≤ 2 sin(F/2) ρ_i ρ_j`` (all around: ``3√3/2``), and for a known pair
+    ``D ≤ |g_i × g_j| + ρ_k |g_j - g_i|``.
+    """
+    size = values.shape[0]
+    found = 0
+    values[:] = -1.0
+    triplets[:] = -1
+    pinhole = sensor[0] != OMNIDIRECTIONAL
+    reach = 1.5 * math.sqrt(3.0)
+    on_axis = sensor[1]
+    cos_view = -2.0
+    if pinhole:
+        reach = 2.0 * math.sin(0.5 * sensor[2])
+        cos_view = math.cos(sensor[2]) - FIT_TOLERANCE
+        on_axis *= math.cos(0.5 * sensor[2]) ** 4
+    least = np.inf
+    for i in range(n):
+        least = min(least, on_axis + survey[i])
+    bar = known * (1.0 - _SLACK)
+    for i in range(n - 2):
+        xi = gx[i]
+        yi = gy[i]
+        ri = rho[i]
+        low = on_axis + survey[i]
+        d = reach * ri * ri
+        if d * d < bar * 3.0 * least * least:
+            break
+        weakest = least * (2.0 * low + least)
+        m = 0
+        for j in range(i + 1, n):
+            if xi * gx[j] + yi * gy[j] >= cos_view * ri * rho[j]:
+                cx[m] = gx[j]
+                cy[m] = gy[j]
+                crho[m] = rho[j]
+                cid[m] = j
+                m += 1
+        for a in range(m - 1):
+            d = reach * ri * crho[a]
+            if d * d < bar * weakest:
+                break
+            j = cid[a]
+            ex = cx[a] - xi
+            ey = cy[a] - yi
+            twice = xi * cy[a] - yi * cx[a]
+            side = math.sqrt(ex * ex + ey * ey)
+            low_j = on_axis + survey[j]
+            pair = (low * low_j + least * (low + low_j)) * (1.0 - _SLACK)
+            limit = bar * pair
+            cut = (math.sqrt(limit) - abs(twice)) / side
+            for b in range(a + 1, m):
+                if crho[b] < cut:
+                    break
+                d = ex * cy[b] - ey * cx[b] + twice
+                if d * d < limit:
+                    continue
+                k = cid[b]
+                value = triplet_value(i, j, k, gx, gy, rho, azimuth, survey, sensor)
+                if value < bar or value < 0.0:
+                    continue
+                k0, k1, k2 = sorted_three(index[i], index[j], index[k])
+                found = offer(value, k0, k1, k2, values, triplets, found)
+                if found == size and values[size - 1] * (1.0 - _SLACK) > bar:
+                    bar = values[size - 1] * (1.0 - _SLACK)
+                    limit = bar * pair
+                    cut = (math.sqrt(limit) - abs(twice)) / side
+    return found
