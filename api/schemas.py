@@ -210,9 +210,10 @@ class PlanIn(Request):
     robot: RobotIn
     objective: ObjectiveIn = ObjectiveIn()
     constraints: ConstraintsIn = ConstraintsIn()
-    deadline_s: Positive = Field(
-        default=2.0,
-        description="Time for the plan, s; the best found until then is the answer. Clamped to 0.05 … 30.",
+    deadline_s: Positive | None = Field(
+        default=None,
+        description="Time for the plan, s (default 2, at least 0.05, at most 30; clamped with a warning). "
+        "The best found until then is the answer.",
     )
     seed: int = Field(default=0, ge=0, lt=2**31, description="Same question, same seed: same answer.")
     client_ref: str | None = Field(
@@ -225,7 +226,9 @@ class PlanIn(Request):
             raise ValueError("give field or map, exactly one")
         return self
 
-    def to_problem(self, *, max_deadline: float = MAX_DEADLINE_S) -> tuple[PlanningProblem, tuple[str, ...]]:
+    def to_problem(
+        self, *, default_deadline: float = 2.0, max_deadline: float = MAX_DEADLINE_S
+    ) -> tuple[PlanningProblem, tuple[str, ...]]:
         """The planner's question, and warnings where a number was clamped.
 
         Raises
@@ -233,11 +236,12 @@ class PlanIn(Request):
         InvalidProblem
             If a number is out of its range.
         """
+        asked = default_deadline if self.deadline_s is None else self.deadline_s
         ceiling = min(max_deadline, MAX_DEADLINE_S)
-        deadline = min(max(self.deadline_s, MIN_DEADLINE_S), ceiling)
+        deadline = min(max(asked, MIN_DEADLINE_S), ceiling)
         warnings: tuple[str, ...] = ()
-        if deadline != self.deadline_s:
-            said = f"deadline_s was {self.deadline_s:g} s and is now {deadline:g} s; "
+        if deadline != asked:
+            said = f"deadline_s was {asked:g} s and is now {deadline:g} s; "
             warnings = (f"{said}the limits are {MIN_DEADLINE_S:g} and {ceiling:g} s.",)
         problem = PlanningProblem(
             start=(self.start.x_m, self.start.y_m),

@@ -1,0 +1,305 @@
+"""Bodies of answers, for the OpenAPI document. Encoders write them; tests hold the two together."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class Answer(BaseModel):
+    """Base of all answers."""
+
+    model_config = ConfigDict(extra="forbid")
+
+
+class Problem(Answer):
+    """An error (RFC 9457), sent as application/problem+json."""
+
+    type: str = Field(description="Address of the code's explanation.", examples=["/docs/problems#not_found"])
+    title: str
+    status: int
+    code: str = Field(description="Stable; read this, not the words.", examples=["not_found"])
+    detail: str = Field(description="What is wrong: value, limit, what to do.")
+    instance: str = Field(description="Path of the request.")
+    request_id: str
+    errors: list[dict[str, str]] = Field(
+        description="Places: pointer (JSON pointer into the body) or parameter, and detail."
+    )
+    hint: dict[str, Any] = Field(description="What would help, such as nearest_free or job.")
+    limit: float | None
+    requested: float | None
+    setting: str | None = Field(description="Environment variable that moves the limit.")
+
+
+class Place(Answer):
+    """A place in the map frame, m."""
+
+    x_m: float
+    y_m: float
+
+
+class Bounds(Answer):
+    """A window of the map frame, m."""
+
+    x_min_m: float
+    y_min_m: float
+    x_max_m: float
+    y_max_m: float
+
+
+class Shape(Answer):
+    """Size of a grid."""
+
+    rows: int
+    columns: int
+
+
+class Map(Answer):
+    """A map version; it never changes."""
+
+    map: str = Field(description="Id: m_ and a hash of floor and landmarks.")
+    name: str
+    kind: str = Field(description="grid or polygons.")
+    bounds: Bounds
+    resolution_m: float | None = Field(description="Of a grid's cells.")
+    shape: Shape | None
+    landmarks: int
+    free_area_m2: float
+    size_bytes: int
+    parent: str | None
+    created: str = Field(description="UTC, RFC 3339.")
+    links: dict[str, str]
+
+
+class Finding(Answer):
+    """One remark of the map check."""
+
+    severity: str
+    code: str
+    message: str
+
+
+class MapUploaded(Map):
+    """The map that was uploaded, and what may cause trouble."""
+
+    findings: list[Finding]
+
+
+class Maps(Answer):
+    """All maps."""
+
+    maps: list[Map]
+
+
+class Landmark(Answer):
+    """A landmark in the map frame."""
+
+    id: str
+    x_m: float
+    y_m: float
+    facing_rad: float | None = Field(description="Outward normal; null: seen from all sides.")
+    half_angle_rad: float
+    sigma_m: float = Field(description="Standard deviation of the survey.")
+
+
+class Landmarks(Answer):
+    """The landmarks of a map."""
+
+    map: str
+    landmarks: list[Landmark]
+
+
+class Tiles(Answer):
+    """Progress of a field."""
+
+    done: int
+    total: int = Field(description="0 until the work is cut into tiles.")
+
+
+class FieldOrdered(Answer):
+    """What became of an order for a field."""
+
+    field: str
+    job: str | None = Field(description="null: the field was there already.")
+    status: str
+    tiles: Tiles
+    links: dict[str, str]
+
+
+class UncertaintyField(Answer):
+    """A field."""
+
+    field: str = Field(description="Id: f_ and a hash of map, sensor, grid and heading.")
+    map: str
+    status: str = Field(description="running, ready or failed.")
+    sensor: dict[str, Any] = Field(description="In rad; what POST /v1/fields takes.")
+    resolution_m: float
+    heading_rad: float
+    origin: dict[str, float] = Field(description="Outer corner of cell (0, 0) and yaw of the grid.")
+    shape: Shape
+    bounds: Bounds
+    metrics: dict[str, dict[str, str]] = Field(description="Name → unit and meaning.")
+    size_bytes: int
+    checksum: str | None
+    job: str | None
+    error: str | None
+    created: str
+    ended: str | None
+    links: dict[str, str]
+
+
+class Fields(Answer):
+    """All fields."""
+
+    fields: list[UncertaintyField]
+
+
+class Job(Answer):
+    """The computation of a field."""
+
+    job: str
+    field: str
+    status: str = Field(description="accepted, running, successful, failed or dismissed.")
+    tiles: Tiles
+    attempts: int
+    error: str | None
+    eta_s: float | None = Field(description="Seconds left at the pace so far; null: not known.")
+    created: str
+    started: str | None
+    ended: str | None
+    links: dict[str, str]
+
+
+class Jobs(Answer):
+    """All jobs, newest first."""
+
+    jobs: list[Job]
+
+
+class PointValue(Answer):
+    """What the field says about one place."""
+
+    field: str
+    x_m: float
+    y_m: float
+    cell: dict[str, int] | None = Field(description="row and column; null outside the grid.")
+    state: str = Field(description="fix, no_fix, occupied or outside.")
+    reason: str | None = Field(description="Why there is no value, in words.")
+    metrics: dict[str, float | None]
+    covariance: list[float] | None = Field(description="xx, xy, yy, m².")
+    ellipse95: dict[str, float] | None
+    triplet: list[str] | None = Field(description="Ids of the best three landmarks.")
+    pan_rad: float | None = Field(description="Optical axis relative to the heading.")
+    n_visible: int
+
+
+class Uncertainty(Answer):
+    """Uncertainty along a route; null where the whole route is blind."""
+
+    mean_r95_m: float | None
+    max_r95_m: float | None
+    max_area95_m2: float | None
+    max_ellipse95_m: float | None
+    blind_m: float
+    worst_at_m: float | None = Field(description="Arc length of the worst place.")
+
+
+class Waypoint(Answer):
+    """A place of the path with all that is known there; null where blind."""
+
+    x_m: float
+    y_m: float
+    theta_rad: float | None
+    s_m: float | None
+    t_s: float | None
+    covariance: list[float] | None
+    r95_m: float | None
+    sigma_max_m: float | None
+    ellipse95: dict[str, float] | None
+    triplet: list[str] | None
+    pan_rad: float | None
+    clearance_m: float | None
+
+
+class Motion(Answer):
+    """A moment of the trajectory."""
+
+    t_s: float
+    x_m: float
+    y_m: float
+    vx_m_s: float
+    vy_m_s: float
+    ax_m_s2: float
+    ay_m_s2: float
+
+
+class Route(Answer):
+    """One way to go."""
+
+    cost: float | None
+    length_m: float | None
+    duration_s: float | None
+    min_clearance_m: float | None
+    uncertainty: Uncertainty
+    path: list[Waypoint]
+    trajectory: list[Motion]
+
+
+class Unmet(Answer):
+    """A bound that the returned route does not keep."""
+
+    bound: str
+    limit_m: float | None
+    value_m: float | None
+    place: Place
+    smallest_possible_m: float | None
+    message: str
+
+
+class Plan(Answer):
+    """Answer to a planning question."""
+
+    plan: str = Field(description="Id: p_ and a hash of this answer.")
+    status: str = Field(
+        description="exact, approximate, risk_unmet, timeout or no_path: outcomes, not errors."
+    )
+    map: str
+    field: str
+    planner: str
+    engine: str
+    client_ref: str | None
+    request: dict[str, Any] = Field(description="The question, every default filled in.")
+    routes: list[Route]
+    shortest_baseline: Route | None = Field(description="Shortest route of the same robot, for comparison.")
+    grid_cost: float | None
+    unmet: list[Unmet]
+    warnings: list[str]
+
+
+class ColorMaps(Answer):
+    """Colour maps and metrics that heatmaps take."""
+
+    colormaps: list[str]
+    default: str
+    metrics: dict[str, dict[str, str]]
+
+
+class Status(Answer):
+    """The service itself."""
+
+    service: str
+    version: str
+    versions: dict[str, str]
+    planners: list[str]
+    limits: dict[str, dict[str, Any]]
+    workers: dict[str, Any]
+    maps: int
+    fields: int
+
+
+class Alive(Answer):
+    """Health."""
+
+    status: str
+    checks: dict[str, bool] = Field(default_factory=dict)

@@ -1,0 +1,133 @@
+"""The application: everything put together, started and stopped."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+import uvicorn
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+from starlette.responses import Response
+
+from api import docs_page, landing_page, openapi, page_parts
+from api.dependencies import Service
+from api.errors import Problem
+from api.jobs import JobRunner
+from api.middleware import Outermost
+from api.routes import fields, health, heatmaps, jobs, maps, plans
+from api.settings import Settings
+from api.store import Store
+from api.workers import WorkerPool
+from localization.sensors import LASER
+from maps.errors import SurepathError
+from maps.io.site import bundled_site
+
+log = logging.getLogger("surepath")
+
+PRELOADED = "warehouse"
+_GRACE_S = 20
+
+
+def create_app(settings: Settings, *, pool: WorkerPool | None = None) -> FastAPI:
+    """The service as an ASGI application; store, workers and jobs start with its lifespan.
+
+    Parameters
+    ----------
+    settings
+        Limits and places.
+    pool
+        Workers to use; started and closed with the application. Default: as many as the settings say.
+    """
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        service = await run_in_threadpool(_start, settings, pool)
+        app.state.service = service
+        try:
+            yield
+        finally:
+            await run_in_threadpool(_stop, service)
+
+    app = FastAPI(
+        title="surepath",
+        version=openapi.VERSION,
+        summary=openapi.SUMMARY,
+        description=openapi.DESCRIPTION,
+        openapi_tags=openapi.TAGS,
+        license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
+        docs_url=None,
+        redoc_url=None,
+        openapi_url=None,
+        lifespan=lifespan,
+        redirect_slashes=False,
+    )
+    for module in (maps, fields, heatmaps, plans, jobs, health, openapi, docs_page, landing_page, page_parts):
+        app.include_router(module.router)
+    app.openapi = lambda: openapi.document(app)  # type: ignore[method-assign]
+    for kind in (SurepathError, RequestValidationError, HTTPException):
+        app.add_exception_handler(kind, _answer_error)
+    app.add_middleware(
+        Outermost,
+        upload_path=maps.UPLOAD_PATH,
+        max_upload=settings.max_upload_bytes,
+        max_body=settings.max_body_bytes,
+    )
+    return app
+
+
+def _answer_error(request: Request, error: Exception) -> Response:
+    """The one exception handler."""
+    problem = Problem.of_exception(error)
+    if problem.status >= 500:
+        log.warning("%s %s: %s", request.method, request.url.path, error)
+    return problem.response(request.url.path, request.state.request_id)
+
+
+def _start(settings: Settings, pool: WorkerPool | None) -> Service:
+    store = Store(settings)
+    workers = WorkerPool(settings) if pool is None else pool
+    workers.start()
+    jobs = JobRunner(store, workers, settings)
+    jobs.start()
+    service = Service(settings, store, workers, jobs)
+    if settings.preload and not store.maps():
+        _preload(service)
+    return service
+
+
+def _preload(service: Service) -> None:
+    """The warehouse and its field: something to look at and to plan on from the first minute."""
+    record, _ = service.store.add_map(bundled_site(PRELOADED), name=PRELOADED)
+    service.jobs.submit_field(record.id, LASER, 0.1, 0.0)
+
+
+def _stop(service: Service) -> None:
+    service.jobs.stop()
+    service.pool.close()
+    service.store.close()
+
+
+def serve(settings: Settings) -> None:
+    """Run the service until it is told to stop.
+
+    Raises
+    ------
+    StoreUnavailable
+        If the data folder cannot be used.
+    """
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s %(message)s")
+    config = uvicorn.Config(
+        create_app(settings),
+        host=settings.host,
+        port=settings.port,
+        log_config=None,
+        access_log=False,
+        server_header=False,
+        timeout_graceful_shutdown=_GRACE_S,
+        lifespan="on",
+    )
+    uvicorn.Server(config).run()

@@ -1,0 +1,72 @@
+"""What routes are given: the running service, and turns at drawing."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Annotated
+
+from fastapi import Depends, Request
+
+from api.caching import BytesCache
+from api.jobs import JobRunner
+from api.settings import Settings
+from api.store import Store
+from api.workers import WorkerPool
+from maps.errors import SurepathError
+
+_PICTURES_BYTES = 64_000_000
+_WAIT_S = 20.0
+
+
+class Busy(SurepathError):
+    """Too many requests want the processor at once."""
+
+
+@dataclass
+class Service:
+    """Everything that lives as long as the service.
+
+    Attributes
+    ----------
+    settings, store, pool, jobs
+        Limits; maps, fields and plans; worker processes; computations of fields.
+    pictures
+        Finished PNGs by entity tag.
+    """
+
+    settings: Settings
+    store: Store
+    pool: WorkerPool
+    jobs: JobRunner
+    pictures: BytesCache = field(default_factory=lambda: BytesCache(_PICTURES_BYTES))
+
+    def __post_init__(self) -> None:
+        self._turns = threading.BoundedSemaphore(max(2, self.settings.workers))
+
+    @contextmanager
+    def turn(self) -> Iterator[None]:
+        """One of few places at the processor: bounds the memory that pictures take together.
+
+        Raises
+        ------
+        Busy
+            If none gets free within 20 s.
+        """
+        if not self._turns.acquire(timeout=_WAIT_S):
+            raise Busy("Too many pictures are being drawn; try again in a moment.")
+        try:
+            yield
+        finally:
+            self._turns.release()
+
+
+def running_service(request: Request) -> Service:
+    """The service that a request came to."""
+    service: Service = request.app.state.service
+    return service
+
+
+Service_ = Annotated[Service, Depends(running_service)]

@@ -1,0 +1,115 @@
+"""Uncertainty fields: order, list, read, ask for values."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request
+from starlette.responses import Response
+
+from api import answers
+from api.caching import HOUR, IMMUTABLE, REVALIDATE, conditional, etag_of
+from api.codec import to_json_bytes
+from api.codec_records import field_to_json, ordered_to_json, point_to_json
+from api.dependencies import Service_
+from api.routes.common import NOT_MODIFIED, answer, json_response, problems
+from api.schemas import FieldIn, Finite
+from api.store_records import FieldStatus
+
+router = APIRouter(prefix="/v1/fields", tags=["fields"])
+
+
+@router.post(
+    "",
+    status_code=202,
+    responses={
+        202: answer(answers.FieldOrdered, "Accepted; `Location` is the job, which tells the progress."),
+        200: answer(answers.FieldOrdered, "The field is there already."),
+        **problems(
+            "malformed_body",
+            "not_found",
+            "too_large",
+            "unsupported_media",
+            "limit_exceeded",
+            "invalid_sensor",
+            "too_few_landmarks",
+            "storage_full",
+            "store_unavailable",
+        ),
+    },
+)
+def order_field(order: FieldIn, service: Service_) -> Response:
+    """Compute the field of a map for a sensor: for every cell the best landmark triplet and its covariance.
+
+    The same order never computes twice: it leads to the existing field or its running job.
+    """
+    record, job = service.jobs.submit_field(
+        service.store.map(order.map).id, order.to_sensor(), order.resolution_m, order.heading_rad
+    )
+    body = ordered_to_json(record, job)
+    if job is None:
+        return json_response(body, headers={"Location": f"/v1/fields/{record.id}"})
+    return json_response(body, status=202, headers={"Location": f"/v1/jobs/{job.id}"})
+
+
+@router.get("", responses={200: answer(answers.Fields, "Newest first."), **problems("store_unavailable")})
+def list_fields(
+    service: Service_,
+    map: Annotated[str | None, Query(max_length=200, description="Only fields of this map.")] = None,  # noqa: A002
+) -> Response:
+    """All fields, ready or not."""
+    records = service.store.fields()
+    if map is not None:
+        wanted = service.store.map(map).id
+        records = [r for r in records if r.map_id == wanted]
+    return json_response({"fields": [field_to_json(r) for r in records]})
+
+
+@router.get(
+    "/{field}",
+    responses={
+        200: answer(answers.UncertaintyField, "The field without its numbers."),
+        **NOT_MODIFIED,
+        **problems("not_found", "store_unavailable"),
+    },
+)
+def read_field(field: str, request: Request, service: Service_) -> Response:
+    """Sensor, grid, state and links of a field. Immutable once it is ready."""
+    record = service.store.field(field)
+    body = to_json_bytes(field_to_json(record))
+    kept = IMMUTABLE if record.status is FieldStatus.READY else REVALIDATE
+    return conditional(request, etag_of(body), kept, lambda: Response(body, media_type="application/json"))
+
+
+@router.delete(
+    "/{field}", status_code=204, responses={**problems("not_found", "in_use", "store_unavailable")}
+)
+def delete_field(field: str, service: Service_) -> Response:
+    """Delete a field and its numbers; refused while a job computes it."""
+    service.store.delete_field(field)
+    return Response(status_code=204)
+
+
+@router.get(
+    "/{field}/point",
+    responses={
+        200: answer(answers.PointValue, "Values, or why there are none."),
+        **NOT_MODIFIED,
+        **problems("not_found", "field_not_ready", "store_unavailable"),
+    },
+)
+def read_point(
+    field: str,
+    x_m: Annotated[Finite, Query(description="x in the map frame, m.", examples=[30.0])],
+    y_m: Annotated[Finite, Query(description="y in the map frame, m.", examples=[20.0])],
+    request: Request,
+    service: Service_,
+) -> Response:
+    """Metrics, covariance and best triplet at a place; outside and on obstacles it says so."""
+    record = service.store.field(field)
+
+    def make() -> Response:
+        values = service.store.load_field(record.id)
+        return json_response({"field": record.id, **point_to_json(values, x_m, y_m)})
+
+    return conditional(request, etag_of("point", record.id, x_m, y_m), HOUR, make)

@@ -1,0 +1,187 @@
+"""Fields as pictures and arrays."""
+
+from __future__ import annotations
+
+import io
+import math
+from typing import Annotated, Literal
+
+import numpy as np
+from fastapi import APIRouter, Depends, Query, Request
+from pydantic import BaseModel, ConfigDict
+from starlette.responses import Response
+
+from api.caching import HOUR, conditional, etag_of
+from api.canvas import BBox, InvalidPicture
+from api.colormaps import COLORMAPS, DEFAULT_COLORMAP
+from api.dependencies import Service_
+from api.errors import InvalidRequest
+from api.render import heatmap_png
+from api.routes.common import NOT_MODIFIED, binary, problems
+from localization.uncertainty_field import METRICS
+
+router = APIRouter(prefix="/v1/fields", tags=["heatmaps"])
+
+#: Part of every tag: changes when the same question gives another picture.
+RENDERER = 1
+_MAX_SIDE = 16_384
+_LARGEST = 1e9
+_SMALLEST_WINDOW_M = 0.01
+_METRIC = Query(description=f"One of {', '.join(METRICS)}.")
+Metric = Literal[
+    "area95_m2", "r95_m", "ellipse95_m", "sigma_max_m", "sigma_rms_m", "sigma_theta_rad", "n_visible"
+]
+Side = Annotated[int | None, Query(ge=16, le=_MAX_SIDE)]
+
+
+class Picture(BaseModel):
+    """Everything a heatmap is asked for, normalised."""
+
+    model_config = ConfigDict(frozen=True)
+
+    metric: str
+    width: int | None
+    height: int | None
+    max_size: int
+    bbox: BBox | None
+    colormap: str
+    vmin: float | None
+    vmax: float | None
+    scale: str
+    legend: bool
+    landmarks: bool
+
+
+def picture(
+    metric: Annotated[Metric, _METRIC] = "area95_m2",
+    width: Annotated[Side, Query(description="Width with the colour bar, px.")] = None,
+    height: Annotated[Side, Query(description="Height, px; a missing side follows from the other.")] = None,
+    max_size: Annotated[
+        int, Query(ge=16, le=_MAX_SIDE, description="Longer side when neither is given, px.")
+    ] = 1200,
+    bbox: Annotated[
+        str | None, Query(max_length=200, description="Window x_min,y_min,x_max,y_max, m; default: all.")
+    ] = None,
+    colormap_name: Annotated[
+        str, Query(max_length=50, description=f"One of {', '.join(COLORMAPS)}.")
+    ] = DEFAULT_COLORMAP,
+    rescale: Annotated[
+        str | None,
+        Query(
+            max_length=100,
+            description="Ends of the colours as min,max in the metric's unit; default: 1st and 99th "
+            "percentile of the window.",
+            examples=["0.001,1"],
+        ),
+    ] = None,
+    scale: Annotated[Literal["log", "linear"], Query(description="Of the colours.")] = "log",
+    legend: Annotated[bool, Query(description="Colour bar at the right.")] = True,
+    landmarks: Annotated[bool, Query(description="Dots for landmarks.")] = True,
+) -> Picture:
+    """The picture that the query asks for.
+
+    Raises
+    ------
+    InvalidRequest, InvalidPicture
+        If a list of numbers is not one, or makes no picture.
+    """
+    limits = None if rescale is None else _numbers(rescale, 2, "rescale")
+    if limits is not None and not 1e-9 * max(map(abs, limits)) < limits[1] - limits[0]:
+        raise InvalidPicture(
+            f"The colour range {limits[0]:g} … {limits[1]:g} is empty; give min,max with min < max."
+        )
+    window = None if bbox is None else _window(_numbers(bbox, 4, "bbox"))
+    return Picture(
+        metric=metric,
+        width=width,
+        height=height,
+        max_size=max_size,
+        bbox=window,
+        colormap=colormap_name,
+        vmin=None if limits is None else limits[0],
+        vmax=None if limits is None else limits[1],
+        scale=scale,
+        legend=legend,
+        landmarks=landmarks,
+    )
+
+
+def _numbers(text: str, count: int, name: str) -> list[float]:
+    """Comma-separated numbers of a query."""
+    try:
+        found = [float(part) for part in text.split(",")]
+    except ValueError:
+        found = []
+    if len(found) != count or not all(math.isfinite(v) and abs(v) <= _LARGEST for v in found):
+        raise InvalidRequest(
+            f"{name} must be {count} finite numbers with commas between them, none beyond 1e9.", place=name
+        )
+    return found
+
+
+def _window(values: list[float]) -> BBox:
+    x0, y0, x1, y1 = values
+    if not (x1 - x0 >= _SMALLEST_WINDOW_M and y1 - y0 >= _SMALLEST_WINDOW_M):
+        raise InvalidPicture(
+            f"The window {x0:g},{y0:g},{x1:g},{y1:g} is empty; give x_min,y_min,x_max,y_max in m, "
+            f"each side at least {_SMALLEST_WINDOW_M:g} m."
+        )
+    if not 1e-3 <= (y1 - y0) / (x1 - x0) <= 1e3:
+        raise InvalidPicture(f"The window {x0:g},{y0:g},{x1:g},{y1:g} is too thin for a picture.")
+    return (x0, y0, x1, y1)
+
+
+@router.get(
+    "/{field}/heatmap.png",
+    response_class=Response,
+    responses={
+        200: binary("image/png", "The picture. Top row: highest y. Hatched: no fix."),
+        **NOT_MODIFIED,
+        **problems("not_found", "field_not_ready", "invalid_picture", "store_unavailable"),
+    },
+)
+def heatmap(
+    field: str, request: Request, service: Service_, asked: Annotated[Picture, Depends(picture)]
+) -> Response:
+    """Heatmap of a metric over the floor, with a colour bar in its unit."""
+    record = service.store.field(field)
+    tag = etag_of(record.id, asked.model_dump(), RENDERER, "image/png")
+
+    def make() -> Response:
+        png = service.pictures.get(tag)
+        if png is None:
+            values = service.store.load_field(record.id)
+            with service.turn():
+                png = heatmap_png(values, **asked.model_dump())
+            service.pictures.put(tag, png)
+        return Response(png, media_type="image/png")
+
+    return conditional(request, tag, HOUR, make)
+
+
+@router.get(
+    "/{field}/heatmap.npy",
+    response_class=Response,
+    responses={
+        200: binary("application/octet-stream", "numpy array (rows, columns), float64; NaN: no value."),
+        **NOT_MODIFIED,
+        **problems("not_found", "field_not_ready", "store_unavailable"),
+    },
+)
+def heatmap_array(
+    field: str, request: Request, service: Service_, metric: Annotated[Metric, _METRIC] = "area95_m2"
+) -> Response:
+    """The metric of every cell as a numpy file. Row 0: lowest y."""
+    record = service.store.field(field)
+
+    def make() -> Response:
+        values = service.store.load_field(record.id)
+        with service.turn():
+            out = io.BytesIO()
+            np.save(out, values.metric(metric), allow_pickle=False)
+        name = f'attachment; filename="{metric}.npy"'
+        return Response(
+            out.getvalue(), media_type="application/octet-stream", headers={"Content-Disposition": name}
+        )
+
+    return conditional(request, etag_of(record.id, metric, RENDERER, "npy"), HOUR, make)

@@ -1,0 +1,98 @@
+"""Bodies of requests."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from pydantic import ValidationError
+
+from api.schemas import FieldIn, PlanIn
+from localization.sensors import LASER, MAS97_CAMERA
+from planner.errors import InvalidProblem
+
+PLAN = {
+    "map": "warehouse",
+    "start": {"x_m": 1, "y_m": 2.0},
+    "goal": {"x_m": 3.0, "y_m": 4.0},
+    "robot": {"radius_m": 0.3},
+}
+
+
+def test_a_plan_fills_in_its_defaults():
+    problem, warnings = PlanIn.model_validate(PLAN).to_problem()
+    assert (problem.start, problem.goal, problem.radius) == ((1.0, 2.0), (3.0, 4.0), 0.3)
+    assert (problem.objective, problem.weight, problem.max_r95, problem.blind_r95) == (
+        "weighted",
+        4.0,
+        None,
+        None,
+    )
+    assert problem.deadline == 2.0
+    assert warnings == ()
+
+
+@pytest.mark.parametrize(("asked", "given"), [(99.0, 5.0), (1e-6, 0.05), (3.0, 3.0)])
+def test_a_deadline_is_clamped_and_it_is_said(asked, given):
+    problem, warnings = PlanIn.model_validate({**PLAN, "deadline_s": asked}).to_problem(max_deadline=5.0)
+    assert problem.deadline == given
+    assert len(warnings) == (asked != given)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"field": "f_1"},
+        {"map": None},
+        {"colour": 1},
+        {"start": [1, 2]},
+        {"start": {"x_m": math.nan, "y_m": 0.0}},
+        {"start": {"x_m": math.inf, "y_m": 0.0}},
+        {"start": {"x_m": "1", "y_m": 0.0}},
+        {"start": {"x_m": True, "y_m": 0.0}},
+        {"start": {"x_m": 1.0}},
+        {"start": {"x_m": 1.0, "y_m": 1.0, "z_m": 1.0}},
+        {"robot": {"radius_m": -0.1}},
+        {"robot": {"radius_m": 0.3, "max_speed_m_s": 0.0}},
+        {"objective": {"kind": "fastest"}},
+        {"objective": {"uncertainty_weight_per_m": -1.0}},
+        {"constraints": {"max_r95_m": 0.0}},
+        {"deadline_s": 0.0},
+        {"seed": -1},
+        {"seed": 1.5},
+        {"client_ref": "x" * 201},
+    ],
+)
+def test_wrong_plans_are_refused(change):
+    with pytest.raises(ValidationError):
+        PlanIn.model_validate({**PLAN, **change})
+
+
+def test_numbers_beyond_the_planner_have_its_error():
+    with pytest.raises(InvalidProblem):
+        PlanIn.model_validate({**PLAN, "robot": {"radius_m": 51.0}}).to_problem()
+
+
+def test_a_field_takes_presets_and_sensors():
+    assert FieldIn.model_validate({"map": "a", "sensor": "laser"}).to_sensor() == LASER
+    assert FieldIn.model_validate({"map": "a", "sensor": "mas97"}).to_sensor() == MAS97_CAMERA
+    sensor = {"kind": "omnidirectional", "bearing_sigma_deg": 0.1, "max_range_m": 30.0}
+    assert FieldIn.model_validate({"map": "a", "sensor": sensor}).to_sensor() == LASER
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"sensor": "sonar"},
+        {"sensor": {"kind": "sonar"}},
+        {"resolution_m": 0.0},
+        {"resolution_m": math.nan},
+        {"resolution_m": 101.0},
+        {"heading_rad": 100.0},
+        {"map": ""},
+        {"map": 7},
+    ],
+)
+def test_wrong_fields_are_refused(change):
+    with pytest.raises(ValidationError):
+        FieldIn.model_validate({"map": "a", "sensor": "laser", **change})
