@@ -1,0 +1,206 @@
+"""Which landmarks are visible from where, on any floor.
+
+A landmark is visible from a point when the point is within the ranges (inclusive), within the landmark's
+viewing cone (inclusive), and the open segment between them passes no opaque place; from the landmark's own
+place it is not visible, for it has no bearing there. Cells are judged at their centres.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from maps.arrays import BoolArray
+from maps.errors import InvalidGeometry
+from maps.grid import GridFrame, OccupancyGrid
+from maps.grid_visibility import RANGE_TOLERANCE_M, grid_runs, grid_visible
+from maps.grid_visibility import buried_landmarks as buried_on_grid
+from maps.landmarks import LandmarkSet
+from maps.runs import MaskArray, RunArray, Runs
+from maps.world import World
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VisibilityMap:
+    """Which landmarks each cell of a grid sees, kept as runs of cells and painted on demand.
+
+    Attributes
+    ----------
+    runs
+        Cells per landmark.
+    """
+
+    runs: Runs
+
+    def __reduce__(self) -> tuple[type[VisibilityMap], tuple[Runs]]:
+        return (VisibilityMap, (self.runs,))
+
+    @property
+    def n_landmarks(self) -> int:
+        """Number of landmarks."""
+        return self.runs.n_landmarks
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """``(n_rows, n_cols)`` of the grid."""
+        return self.runs.shape
+
+    @property
+    def n_words(self) -> int:
+        """64-bit words per cell."""
+        return self.runs.n_words
+
+    def masks(self, rows: slice = slice(None), cols: slice = slice(None)) -> MaskArray:
+        """Masks of a window of cells.
+
+        Parameters
+        ----------
+        rows, cols
+            The window; tiles of about 256 × 256 cells are painted fastest. Threads may paint at once.
+
+        Returns
+        -------
+        masks
+            Shape (h, w, n_words), uint64: bit ``i % 64`` of word ``i // 64`` says whether landmark i is
+            visible from the centre of the cell. Where the centre is not free the bits mean nothing.
+        """
+        return self.runs.masks(rows, cols)
+
+
+def compute_visibility(
+    world: World,
+    frame: GridFrame,
+    *,
+    min_range: float = 0.0,
+    max_range: float = math.inf,
+    threads: int | None = None,
+    tick: Callable[[int, int], None] | None = None,
+) -> VisibilityMap:
+    """Visibility of all landmarks of a world from all cells of a grid.
+
+    Parameters
+    ----------
+    world
+        Floor and N landmarks.
+    frame
+        The cells, usually ``world.grid_frame(resolution)``.
+    min_range, max_range
+        Distances at which the sensor sees, m, inclusive.
+    threads
+        Default: one per core. The result does not depend on it.
+    tick
+        Called with (landmarks done, N) as the work goes on, from the calling thread; it may raise to stop.
+
+    Raises
+    ------
+    InvalidGeometry
+        If a range is impossible or the frame does not suit the floor.
+    """
+    _check_ranges(min_range, max_range)
+    floor, landmarks = world.floor, world.landmarks
+    if isinstance(floor, OccupancyGrid):
+        runs = grid_runs(
+            floor,
+            landmarks,
+            frame,
+            min_range=min_range,
+            max_range=max_range,
+            threads=threads,
+            tick=tick,
+        )
+    else:
+        from maps.vector_visibility import vector_runs  # noqa: PLC0415
+
+        runs = vector_runs(floor, landmarks, frame, max_range=max_range, threads=threads, tick=tick)
+        if min_range > 0:
+            runs = _without_discs(runs, landmarks, frame, min_range)
+    return VisibilityMap(runs)
+
+
+def visible_landmarks(
+    world: World,
+    points: npt.ArrayLike,
+    *,
+    min_range: float = 0.0,
+    max_range: float = math.inf,
+) -> BoolArray:
+    """Which landmarks are visible from single points, by the same rule as :func:`compute_visibility`.
+
+    Parameters
+    ----------
+    world
+        Floor and N landmarks.
+    points
+        Shape (P, 2), W, m.
+    min_range, max_range
+        m, inclusive.
+
+    Returns
+    -------
+    visible
+        Shape (P, N), bool.
+
+    Raises
+    ------
+    InvalidGeometry
+        If a range is impossible, a coordinate not finite or the shape wrong.
+    """
+    _check_ranges(min_range, max_range)
+    p = np.array(points, dtype=np.float64).reshape(-1, 2) if np.size(points) == 0 else np.array(points, float)
+    if p.ndim != 2 or p.shape[1] != 2:
+        raise InvalidGeometry(f"Points have shape {p.shape}; give (P, 2).")
+    if not np.isfinite(p).all():
+        raise InvalidGeometry("A point has a coordinate that is not finite.")
+    floor, landmarks = world.floor, world.landmarks
+    if isinstance(floor, OccupancyGrid):
+        return grid_visible(floor, landmarks, p, min_range=min_range, max_range=max_range)
+    from maps.vector_visibility import vector_visible  # noqa: PLC0415
+
+    visible = vector_visible(floor, landmarks, p, max_range=max_range)
+    if min_range > 0:
+        away = p[:, None, :] - landmarks.positions[None, :, :]
+        visible &= np.hypot(away[..., 0], away[..., 1]) >= min_range - RANGE_TOLERANCE_M
+    return visible
+
+
+def buried_landmarks(world: World) -> BoolArray:
+    """Shape (N,): landmarks so deep in walls that they can be seen from nowhere."""
+    if isinstance(world.floor, OccupancyGrid):
+        return buried_on_grid(world.floor, world.landmarks)
+    from maps.vector_visibility import buried_landmarks as buried_in_plan  # noqa: PLC0415
+
+    return buried_in_plan(world.floor, world.landmarks)
+
+
+def _check_ranges(min_range: float, max_range: float) -> None:
+    if not (min_range >= 0 and math.isfinite(min_range)):
+        raise InvalidGeometry(f"Smallest range is {min_range} m; it must be finite and ≥ 0.")
+    if not max_range > min_range:
+        raise InvalidGeometry(f"Largest range is {max_range} m; it must exceed the smallest, {min_range} m.")
+
+
+def _without_discs(runs: Runs, landmarks: LandmarkSet, frame: GridFrame, radius: float) -> Runs:
+    """Runs without the cells whose centres are nearer to their landmark than a radius, m."""
+    centres = frame.to_grid(landmarks.positions) - 0.5
+    reach = (radius - RANGE_TOLERANCE_M) / frame.resolution
+    pieces: list[list[RunArray]] = [[], []]
+    for axis, (array, offsets) in enumerate(
+        ((runs.row_runs, runs.row_offsets), (runs.col_runs, runs.col_offsets))
+    ):
+        for i, (col, row) in enumerate(centres):
+            part = array[offsets[i] : offsets[i + 1]]
+            along, across = (col, row) if axis == 0 else (row, col)
+            half = np.sqrt(np.maximum(reach**2 - (part[:, 0] - across) ** 2, 0.0))
+            # Strictly inside the disc: first … last.
+            first, last = np.floor(along - half) + 1, np.ceil(along + half) - 1
+            outside = (half == 0.0) | (first > last)
+            before, after = part.copy(), part[~outside]
+            before[~outside, 2] = np.minimum(part[~outside, 2], first[~outside])
+            after[:, 1] = np.maximum(after[:, 1], last[~outside] + 1)
+            kept = np.concatenate([before, after])
+            pieces[axis].append(kept[kept[:, 1] < kept[:, 2]])
+    return Runs.from_lists(runs.shape, pieces[0], pieces[1])
