@@ -66,7 +66,8 @@ def plan_to_json(
         "unmet": [_unmet(u) for u in result.unmet],
         "warnings": [*warnings, *result.warnings],
     }
-    text = json.dumps(answer, sort_keys=True, allow_nan=False, separators=(",", ":"))
+    # As the store names it: question, version, answer.
+    text = json.dumps([answer["request"], answer["engine"], answer], sort_keys=True, allow_nan=False)
     return {"plan": "p_" + hashlib.sha256(text.encode()).hexdigest(), **answer}
 
 

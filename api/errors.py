@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 from fastapi.exceptions import RequestValidationError
@@ -16,6 +17,7 @@ import planner.errors as planner
 from api import store_records as store
 from api.canvas import InvalidPicture
 from api.codec import DocumentError, to_json_bytes
+from api.schemas import SENSOR_TAGS
 
 PROBLEM_MEDIA_TYPE = "application/problem+json"
 RETRY_AFTER_S = "2"
@@ -230,9 +232,11 @@ def _of_validation(error: RequestValidationError) -> Problem:
 
 
 def _place(loc: Sequence[Any], message: str) -> dict[str, str]:
-    words = message.removeprefix("Value error, ")
+    words = message.removeprefix("Value error, ")[:300]
     parts = [str(p)[:80] for p in loc]
     if parts and parts[0] == "body":
-        pointer = "#" + "".join("/" + p.replace("~", "~0").replace("/", "~1") for p in parts[1:])
+        # Inside a tagged union pydantic puts the tag into the place, where the document has nothing.
+        inner = [p for before, p in pairwise(parts) if not (before == "sensor" and p in SENSOR_TAGS)]
+        pointer = "#" + "".join("/" + p.replace("~", "~0").replace("/", "~1") for p in inner)
         return {"pointer": pointer, "detail": words}
     return {"parameter": parts[-1] if parts else "", "detail": words}

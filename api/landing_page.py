@@ -22,7 +22,7 @@ _EXAMPLE = """curl -H 'Content-Type: application/json' {base}v1/plans -d '
 @router.get("/")
 def landing_page(request: Request, service: Service_) -> Response:
     """Maps, fields and a heatmap, without a script."""
-    maps, fields = service.store.maps(), service.store.fields()
+    maps, fields = service.store.maps()[::-1], service.store.fields()[::-1]
     names = {m.id: m.name for m in maps}
     ready = [f for f in fields if f.status is FieldStatus.READY]
     body = f"""<h1>surepath</h1>

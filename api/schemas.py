@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
 
 from localization.sensors import PRESETS, OmnidirectionalSensor, PinholePanSensor, Sensor
 from planner.problem import MAX_DEADLINE_S, MIN_DEADLINE_S, PlanningProblem
@@ -114,6 +114,27 @@ class PinholePanIn(Request):
 
 SensorIn = Annotated[OmnidirectionalIn | PinholePanIn, Field(discriminator="kind")]
 PresetName = Literal["laser", "mas97"]
+SENSOR_TAGS = ("omnidirectional", "pinhole_pan", "preset")
+
+
+def _sensor_tag(value: Any) -> str | None:
+    if isinstance(value, str):
+        return "preset"
+    kind = value.get("kind") if isinstance(value, dict) else getattr(value, "kind", None)
+    return kind if kind in SENSOR_TAGS[:2] else None
+
+
+SensorOrPreset = Annotated[
+    Annotated[OmnidirectionalIn, Tag("omnidirectional")]
+    | Annotated[PinholePanIn, Tag("pinhole_pan")]
+    | Annotated[PresetName, Tag("preset")],
+    Discriminator(
+        _sensor_tag,
+        custom_error_type="sensor_kind",
+        custom_error_message="the kind must be omnidirectional or pinhole_pan, "
+        "or the whole sensor one of the presets laser and mas97",
+    ),
+]
 _SENSOR_EXAMPLE: dict[str, Any] = {"kind": "omnidirectional", "bearing_sigma_deg": 0.1, "max_range_m": 30.0}
 
 
@@ -127,7 +148,7 @@ class FieldIn(Request):
     )
 
     map: MapId
-    sensor: SensorIn | PresetName = Field(
+    sensor: SensorOrPreset = Field(
         description="The sensor, or a preset: laser (0.1°, 30 m) or mas97 (the paper's camera)."
     )
     resolution_m: Positive = Field(default=0.1, description="Side of a cell, m.", le=100)

@@ -58,11 +58,8 @@ def list_fields(
     map: Annotated[str | None, Query(max_length=200, description="Only fields of this map.")] = None,  # noqa: A002
 ) -> Response:
     """All fields, ready or not."""
-    records = service.store.fields()
-    if map is not None:
-        wanted = service.store.map(map).id
-        records = [r for r in records if r.map_id == wanted]
-    return json_response({"fields": [field_to_json(r) for r in records]})
+    records = service.store.fields(None if map is None else service.store.map(map).id)
+    return json_response({"fields": [field_to_json(r) for r in reversed(records)]})
 
 
 @router.get(
@@ -106,7 +103,7 @@ def read_point(
     service: Service_,
 ) -> Response:
     """Metrics, covariance and best triplet at a place; outside and on obstacles it says so."""
-    record = service.store.field(field)
+    record = service.store.ready_field(field)
 
     def make() -> Response:
         values = service.store.load_field(record.id)

@@ -35,7 +35,7 @@ def healthz() -> Response:
 def readyz(service: Service_) -> Response:
     """Whether requests will be served without waiting for a start or a compile."""
     try:
-        service.store.maps()
+        service.store.check()
         store = True
     except SurepathError:
         store = False

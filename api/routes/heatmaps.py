@@ -144,7 +144,7 @@ def heatmap(
     field: str, request: Request, service: Service_, asked: Annotated[Picture, Depends(picture)]
 ) -> Response:
     """Heatmap of a metric over the floor, with a colour bar in its unit."""
-    record = service.store.field(field)
+    record = service.store.ready_field(field)
     tag = etag_of(record.id, asked.model_dump(), RENDERER, "image/png")
 
     def make() -> Response:
@@ -172,7 +172,7 @@ def heatmap_array(
     field: str, request: Request, service: Service_, metric: Annotated[Metric, _METRIC] = "area95_m2"
 ) -> Response:
     """The metric of every cell as a numpy file. Row 0: lowest y."""
-    record = service.store.field(field)
+    record = service.store.ready_field(field)
 
     def make() -> Response:
         values = service.store.load_field(record.id)

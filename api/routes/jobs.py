@@ -17,7 +17,7 @@ router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 @router.get("", responses={200: answer(answers.Jobs, "Newest first."), **problems("store_unavailable")})
 def list_jobs(service: Service_) -> Response:
     """All jobs, newest first."""
-    return json_response({"jobs": [job_to_json(j) for j in service.store.jobs()]})
+    return json_response({"jobs": [job_to_json(j) for j in reversed(service.store.jobs())]})
 
 
 @router.get(

@@ -124,7 +124,7 @@ def upload_map(upload: Annotated[Upload, Depends(read_upload)], service: Service
 @router.get("", responses={200: answer(answers.Maps, "Newest first."), **problems("store_unavailable")})
 def list_maps(service: Service_) -> Response:
     """All map versions."""
-    return json_response({"maps": [map_to_json(m) for m in service.store.maps()]})
+    return json_response({"maps": [map_to_json(m) for m in reversed(service.store.maps())]})
 
 
 def _cached(request: Request, record: MapRecord, asked: str, body: bytes, media_type: str) -> Response:

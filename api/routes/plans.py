@@ -1,0 +1,123 @@
+"""Plans: ask for a path, read it again, look at it."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request
+from starlette.responses import Response
+
+from api import answers
+from api.caching import HOUR, conditional, etag_of
+from api.dependencies import Service, Service_
+from api.plan_picture import plan_png
+from api.routes.common import NOT_MODIFIED, answer, binary, json_response, problems
+from api.schemas import PlanIn
+from api.store_records import FieldNotReady, FieldStatus
+
+RENDERER = 1
+
+router = APIRouter(prefix="/v1/plans", tags=["plans"])
+
+
+@router.post(
+    "",
+    responses={
+        200: answer(answers.Plan, "The best path found, or that there is none: see `status`."),
+        **problems(
+            "malformed_body",
+            "not_found",
+            "field_not_ready",
+            "too_large",
+            "unsupported_media",
+            "start_outside_map",
+            "goal_outside_map",
+            "start_occupied",
+            "goal_occupied",
+            "storage_full",
+            "store_unavailable",
+        ),
+    },
+)
+def make_plan(question: PlanIn, service: Service_) -> Response:
+    """Plan a path on which the robot knows where it is, beside the shortest one.
+
+    `exact`: bounds met, optimal on the planning grid, then improved. `approximate`: bounds met, not proven.
+    `risk_unmet`: no path keeps the bounds; the best effort, and in `unmet` what it misses and the smallest
+    bound that is possible. `timeout`: the best until the deadline. `no_path`: there is none.
+    """
+    settings = service.settings
+    problem, warnings = question.to_problem(
+        default_deadline=settings.default_deadline_s, max_deadline=settings.max_deadline_s
+    )
+    field = question.field if question.field is not None else newest_field(service, question.map or "")
+    found = service.pool.plan(field, problem, client_ref=question.client_ref, warnings=warnings)
+    return json_response(service.store.add_plan(found).answer)
+
+
+def newest_field(service: Service, name: str) -> str:
+    """Id of the newest ready field of a map.
+
+    Raises
+    ------
+    NotFound
+        If there is no such map.
+    FieldNotReady
+        If it has no field that is ready.
+    """
+    record = service.store.map(name)
+    fields = service.store.fields(record.id)
+    ready = [f for f in fields if f.status is FieldStatus.READY]
+    if ready:
+        return max(ready, key=lambda f: (f.ended or f.created, f.id)).id
+    job = next((f.job for f in fields if f.status is FieldStatus.RUNNING), None)
+    raise FieldNotReady(
+        f"Map '{name}' has no field that is ready; "
+        + ("wait for its job." if job else "POST one to /v1/fields."),
+        job=job,
+    )
+
+
+@router.get(
+    "/{plan}",
+    responses={
+        200: answer(answers.Plan, "The answer as it was given."),
+        **NOT_MODIFIED,
+        **problems("not_found", "store_unavailable"),
+    },
+)
+def read_plan(plan: str, request: Request, service: Service_) -> Response:
+    """A plan by its id."""
+    record = service.store.plan(plan)
+    return conditional(request, etag_of(record.id), HOUR, lambda: json_response(record.answer))
+
+
+@router.get(
+    "/{plan}/picture.png",
+    response_class=Response,
+    responses={
+        200: binary("image/png", "Map, field, both routes, 95 % ellipses, landmarks used."),
+        **NOT_MODIFIED,
+        **problems("not_found", "field_not_ready", "invalid_picture", "store_unavailable"),
+    },
+)
+def plan_picture(
+    plan: str,
+    request: Request,
+    service: Service_,
+    width: Annotated[int, Query(ge=64, le=4096, description="Width of the picture, px.")] = 1500,
+) -> Response:
+    """The plan as a picture over its field."""
+    record = service.store.plan(plan)
+    tag = etag_of(record.id, width, RENDERER, "plan.png")
+
+    def make() -> Response:
+        png = service.pictures.get(tag)
+        if png is None:
+            field = service.store.load_field(record.field_id)
+            with service.turn():
+                png = plan_png(field, record.answer, width=width)
+            service.pictures.put(tag, png)
+        return Response(png, media_type="image/png")
+
+    return conditional(request, tag, HOUR, make)
