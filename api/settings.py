@@ -21,6 +21,31 @@ class InvalidSettings(SurepathError):
     """A setting has an impossible value, or one that would be unsafe."""
 
 
+class LimitExceeded(SurepathError):
+    """A request is larger than a setting allows.
+
+    Attributes
+    ----------
+    limit, requested
+        What is allowed and what was asked for.
+    setting
+        Environment variable that sets the limit.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        limit: int | None = None,
+        requested: int | None = None,
+        setting: str | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.limit = limit
+        self.requested = requested
+        self.setting = setting
+
+
 def _cores() -> int:
     # A container's share, not the machine's size.
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
