@@ -18,7 +18,7 @@ BoxSolver = Callable[[FloatArray, FloatArray, FloatArray, FloatArray], FloatArra
 
 # Weight of the change of curvature, as a share of that of bending times m².
 _TWIST = 0.06
-_MARGIN_M = 0.01
+_MARGIN_M = 0.002
 _TRUST_M = 0.5
 _STEPS = 8
 _SHRINK = 0.4

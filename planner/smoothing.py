@@ -170,7 +170,7 @@ class _Search:
         self.stats["cost"] = cost
 
     def run(self, p: FloatArray) -> None:
-        """Two reference lines; on the second, weights of bending upwards, or else downwards."""
+        """Offsets from a line beside the path, then beside the result; at last closer stations."""
         length = float(np.hypot(*np.diff(p, axis=0).T).sum())
         spacing = float(np.clip(self._space.radius, _LEAST_SPACING_M, _SPACING_M))
         spacing = max(spacing, length / _MAX_STATIONS)
@@ -178,13 +178,23 @@ class _Search:
         unit = first.mean_rate * (self._max_speed**2 / self._max_accel) ** 2
         path = first.optimise(_BENDS[_FIRST_BEND] * unit, self._is_late)
         self.stats["programmes"] += first.n_solved
+        self._sweep(path, spacing, unit)
+        if self.best is None and not self._is_late():
+            self._sweep(p, max(_LEAST_SPACING_M, length / _MAX_STATIONS), unit)
+
+    def _sweep(self, path: FloatArray, spacing: float, unit: float) -> None:
+        """Weights of bending upwards while that helps, else downwards until one fits; then one between."""
         model = OffsetModel(self._space, path, spacing=spacing, sigma=_SIGMA_AGAIN_M, solver=_solve_box)
-        improved = self._try_bend(model, _BENDS[_FIRST_BEND] * unit)
-        weights = _BENDS[_FIRST_BEND + 1 :] if improved else _BENDS[_FIRST_BEND - 1 :: -1]
-        for bend in weights:
-            # Upwards as long as it helps, downwards until something fits.
-            if self._is_late() or self._try_bend(model, bend * unit) != improved:
+        last = _BENDS[_FIRST_BEND] * unit
+        improved = self._try_bend(model, last)
+        for share in _BENDS[_FIRST_BEND + 1 :] if improved else _BENDS[_FIRST_BEND - 1 :: -1]:
+            bend = share * unit
+            if self._is_late():
                 break
+            if self._try_bend(model, bend) != improved:
+                self._try_bend(model, math.sqrt(bend * last))
+                break
+            last = bend
         self.stats["programmes"] += model.n_solved
 
     def _is_late(self) -> bool:

@@ -11,13 +11,13 @@ import math
 
 from numba import njit
 
-# Without any finite cell around, the rate is this: such places are outside the corridor anyway.
+# Rate of a station with no allowed cell around it, 1/m: no path that can be offered has one.
 _NO_RATE = 1e3
 
 
 @njit(cache=True, nogil=True)
 def smooth_rate(x, y, rate, transform):
-    """Rate (ny, nx) at (x, y), bilinear between the centres of the cells that are allowed."""
+    """Rate (ny, nx) at (x, y), bilinear between the centres of the allowed cells; inf without any."""
     dx = x - transform[0]
     dy = y - transform[1]
     gx = (transform[2] * dx + transform[3] * dy) / transform[4] - 0.5
@@ -33,28 +33,34 @@ def smooth_rate(x, y, rate, transform):
             w = (1.0 - abs(gx - c)) * (1.0 - abs(gy - r)) + 1e-9
             total += w * rate[r, c]
             weight += w
-    return total / weight if weight > 0.0 else _NO_RATE
+    return total / weight if weight > 0.0 else math.inf
 
 
 @njit(cache=True, nogil=True)
 def rate_along_normals(centre, normal, offset, spread, out, rate, transform):
     """Value, slope and curvature (N, 3) of the rate along normals (N, 2) at offsets (N,) from centres (N, 2).
 
-    Least squares through five samples ``spread`` apart; the curvature is not negative.
+    Slope and curvature by least squares through five samples ``spread`` apart; the curvature is not
+    negative. Samples without an allowed cell around count like the middle one.
     """
     for i in range(centre.shape[0]):
-        value = 0.0
+        middle = smooth_rate(
+            centre[i, 0] + offset[i] * normal[i, 0], centre[i, 1] + offset[i] * normal[i, 1], rate, transform
+        )
+        if middle == math.inf:
+            middle = _NO_RATE
         slope = 0.0
-        second = 0.0
-        for k in range(-2, 3):
+        second = -2.0 * middle
+        for k in (-2, -1, 1, 2):
             n = offset[i] + k * spread
             q = smooth_rate(centre[i, 0] + n * normal[i, 0], centre[i, 1] + n * normal[i, 1], rate, transform)
-            value += q / 5.0
-            slope += k * q / (10.0 * spread)
-            second += (k * k - 2.0) * q / (7.0 * spread * spread)
-        out[i, 0] = value - second * spread * spread
-        out[i, 1] = slope
-        out[i, 2] = max(second, 0.0)
+            if q == math.inf:
+                q = middle
+            slope += k * q
+            second += (k * k - 2.0) * q
+        out[i, 0] = middle
+        out[i, 1] = slope / (10.0 * spread)
+        out[i, 2] = max(second / (7.0 * spread * spread), 0.0)
 
 
 @njit(cache=True, nogil=True)
