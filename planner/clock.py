@@ -1,0 +1,70 @@
+"""The time of one plan: what is left, and a flag that ends a compiled search when nothing is."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import numpy.typing as npt
+
+
+class Clock:
+    """Time since a plan began, its deadline, and the seconds that each stage took.
+
+    Parameters
+    ----------
+    deadline
+        Seconds for the whole plan.
+    """
+
+    def __init__(self, deadline: float) -> None:
+        self.began = time.monotonic()
+        self.deadline = deadline
+        self.seconds: dict[str, float] = {}
+
+    @property
+    def elapsed(self) -> float:
+        """Seconds since the plan began."""
+        return time.monotonic() - self.began
+
+    def at(self, share: float = 1.0) -> float:
+        """``time.monotonic()`` at which a share of the time is over, s."""
+        return self.began + share * self.deadline
+
+    def is_over(self, share: float = 1.0) -> bool:
+        """Whether a share of the time is over."""
+        return time.monotonic() >= self.at(share)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Add the seconds spent inside to a stage."""
+        began = time.monotonic()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.monotonic() - began
+
+    @contextmanager
+    def stop_flag(self) -> Iterator[npt.NDArray[np.uint8]]:
+        """Shape (1,): becomes 1 at the deadline, for kernels that run without the interpreter's lock."""
+        flag = np.zeros(1, dtype=np.uint8)
+        left = self.at() - time.monotonic()
+        if left <= 0:
+            flag[0] = 1
+            yield flag
+            return
+
+        def end() -> None:
+            flag[0] = 1
+
+        timer = threading.Timer(left, end)
+        timer.daemon = True
+        timer.start()
+        try:
+            yield flag
+        finally:
+            timer.cancel()
+            timer.join()

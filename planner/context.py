@@ -1,0 +1,137 @@
+"""PlanningContext: what is computed once for a field and used by every plan on it."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from localization.uncertainty_field import UncertaintyField
+from maps.arrays import FloatArray, frozen
+from maps.clearance import ClearanceIndex
+from planner.cost_space import cost_space_for
+from planner.cost_to_go import CostToGo, GridGraph, Place
+
+#: Memory for graphs and for costs to go, bytes each.
+CACHE_BYTES = 256_000_000
+
+T = TypeVar("T")
+
+
+class _Cache:
+    """Values by key, the least recently used dropped first. Callers hold the lock of the context."""
+
+    def __init__(self, limit: int) -> None:
+        self._limit = limit
+        self._entries: OrderedDict[Hashable, tuple[object, int]] = OrderedDict()
+
+    def get(self, key: Hashable) -> object | None:
+        """The value, or None."""
+        if key not in self._entries:
+            return None
+        self._entries.move_to_end(key)
+        return self._entries[key][0]
+
+    def put(self, key: Hashable, value: object, size: int) -> None:
+        """Keep a value; the newest stays even when it alone is above the limit."""
+        self._entries[key] = (value, size)
+        self._entries.move_to_end(key)
+        while len(self._entries) > 1 and sum(n for _, n in self._entries.values()) > self._limit:
+            self._entries.popitem(last=False)
+
+    def __len__(self) -> int:
+        return len(self._entries)
+
+
+class PlanningContext:
+    """A field made ready for planning: clearance, and caches of cost spaces and costs to go.
+
+    Everything costly that does not depend on the question is computed here, before any deadline runs.
+    May be used by several threads at a time.
+
+    Parameters
+    ----------
+    field
+        The uncertainty field; its frame is the planning grid.
+    cache_bytes
+        Memory for the graphs and, as much again, for the costs to go, bytes.
+    """
+
+    def __init__(self, field: UncertaintyField, *, cache_bytes: int = CACHE_BYTES) -> None:
+        self.field = field
+        self.r95: FloatArray = frozen(field.r95)
+        self.clearance = ClearanceIndex.from_world(field.world)
+        self.centre_clearance: FloatArray = frozen(self.clearance.at_centres(field.frame))
+        self._lock = threading.Lock()
+        self._graphs = _Cache(cache_bytes)
+        self._costs = _Cache(cache_bytes)
+
+    def graph(
+        self,
+        *,
+        radius: float,
+        weight: float,
+        max_r95: float | None = None,
+        blind_rate: float | None = None,
+    ) -> GridGraph:
+        """Planning grid for a robot and a question; see :func:`planner.cost_space.cost_space_for`."""
+
+        def build() -> tuple[GridGraph, int]:
+            space = cost_space_for(
+                self.field.frame,
+                self.field.free,
+                self.r95,
+                self.clearance,
+                self.centre_clearance,
+                radius=radius,
+                weight=weight,
+                max_r95=max_r95,
+                blind_rate=blind_rate,
+            )
+            graph = GridGraph.from_cost_space(space)
+            return graph, graph.half.nbytes + space.rate.nbytes + space.passable.nbytes
+
+        return self._cached(self._graphs, (radius, weight, max_r95, blind_rate), build)
+
+    def costs_to(
+        self, graph: GridGraph, goal: Place, *, stop: npt.NDArray[np.uint8] | None = None
+    ) -> CostToGo:
+        """Cost from every cell to a goal, from the cache when it was asked before.
+
+        Parameters
+        ----------
+        graph
+            From :meth:`graph`.
+        goal
+            (x, y) in W, m.
+        stop
+            Shape (1,); another thread sets it to end the search early. What is cut short is not kept.
+        """
+
+        def build() -> tuple[CostToGo, int]:
+            found = graph.costs_to(goal, stop=stop)
+            return found, found.nbytes if found.is_complete else -1
+
+        return self._cached(self._costs, (id(graph), goal), build, lambda found: found.graph is graph)
+
+    def _cached(
+        self,
+        cache: _Cache,
+        key: Hashable,
+        build: Callable[[], tuple[T, int]],
+        fits: Callable[[T], bool] = lambda _: True,
+    ) -> T:
+        with self._lock:
+            value = cache.get(key)
+        if value is not None and fits(value):  # type: ignore[arg-type]
+            return value  # type: ignore[return-value]
+        # Two threads may build the same value: both are right, the later one stays.
+        built, size = build()
+        if size >= 0:
+            with self._lock:
+                cache.put(key, built, size)
+        return built

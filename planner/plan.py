@@ -1,0 +1,296 @@
+"""plan(): grid search, any-angle, OMPL, CasADi, annotation, and the shortest route beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from maps.arrays import FloatArray
+from planner import sampling, smoothing
+from planner.annotate import annotate
+from planner.any_angle import shorten
+from planner.clock import Clock
+from planner.context import PlanningContext
+from planner.ends import check_ends
+from planner.example_context import example_context
+from planner.grid_search import Way, find_shortest, find_way
+from planner.problem import PlanningProblem
+from planner.result import PlanResult, PlanStatus, Route, Trajectory
+from planner.timing import time_polyline
+from planner.unmet import unmet_bounds
+
+Report = Callable[[PlanResult], None]
+
+# Shares of the deadline at which sampling and smoothing end: of the route, then of the shortest one.
+_ROUTE_SHARES = (0.45, 0.7)
+_SHORTEST_SHARES = (0.8, 0.95)
+_GAIN = 1e-9
+
+
+@dataclass(slots=True)
+class _Work:
+    """One route in the making: what shaped it, and what there is to say."""
+
+    name: str
+    shares: tuple[float, float]
+    stages: list[str] = field(default_factory=lambda: ["grid_search"])
+    warnings: list[str] = field(default_factory=list)
+
+
+def plan(problem: PlanningProblem, context: PlanningContext, *, report: Report | None = None) -> PlanResult:
+    """Answer a planning question.
+
+    Parameters
+    ----------
+    problem
+        Robot, start, goal, objective, bounds, deadline.
+    context
+        The field.
+    report
+        Called with the first path and with every improvement, in this thread.
+
+    Returns
+    -------
+    result
+        ``EXACT``: bounds kept, optimal on the planning grid, then improved. ``APPROXIMATE``: bounds kept,
+        but the deadline cut the grid search short, or the grid has no path and a straight line does.
+        ``RISK_UNMET``: no path keeps the bounds; the route has the smallest possible bound, or drives as
+        little as possible without a fix. ``NO_PATH``: start and goal are not connected on the grid.
+        ``TIMEOUT``: the deadline came before any path. When it comes later, the best path so far is
+        returned with a warning. No route costs more than its grid path.
+
+    Raises
+    ------
+    StartOutsideMap, GoalOutsideMap, StartOccupied, GoalOccupied
+        If the robot cannot stand at an end.
+    """
+    clock = Clock(problem.deadline)
+    check_ends(problem, context)
+    with clock.stage("grid"):
+        way = find_way(problem, context, clock)
+    if way is None:
+        return _nothing(problem, context, clock)
+    work = _Work("route", _ROUTE_SHARES)
+
+    def tell(points: FloatArray) -> None:
+        clock.seconds.setdefault("to_first_path", clock.elapsed)
+        if report is not None:
+            report(
+                _result(problem, way, _quick_route(points, way, problem, context), None, work, clock, context)
+            )
+
+    tell(way.points)
+    route = _finish(way, problem, context, clock, work, tell)
+    clock.seconds["to_final_path"] = clock.elapsed
+    shortest = _shortest(problem, context, clock, work, way, route)
+    return _result(problem, way, route, shortest, work, clock, context)
+
+
+def _finish(
+    way: Way,
+    problem: PlanningProblem,
+    context: PlanningContext,
+    clock: Clock,
+    work: _Work,
+    tell: Callable[[FloatArray], None] = lambda _: None,
+) -> Route:
+    """Any-angle, sampling, smoothing and annotation of a grid path."""
+    space = way.graph.cost_space
+    sampling_end, smoothing_end = work.shares
+    points, cost = way.points, space.line_cost(way.points)
+    if len(points) > 1 and np.array_equal(points[0], points[-1]):
+        points = points[:1]
+        return annotate(_timed(points, problem), context, space, cost=_asked_cost(points, problem, context))
+    with clock.stage("any_angle"):
+        shorter, shorter_cost = shorten(points, space, deadline_at=clock.at(sampling_end))
+    if len(shorter) < len(points) or shorter_cost < cost:
+        points, cost = shorter, shorter_cost
+        work.stages.append("any_angle")
+        tell(points)
+    if problem.refine > 0 and len(points) > 2 and not clock.is_over(sampling_end):
+        with clock.stage("ompl"):
+            sampled, sampled_cost = _sample(points, cost, way, problem, clock, sampling_end)
+        if sampled_cost < cost * (1.0 - _GAIN):
+            points, cost = sampled, sampled_cost
+            work.stages.append("ompl")
+            tell(points)
+    if clock.is_over(sampling_end):
+        work.warnings.append(_late(problem, work, "refined"))
+    limit = cost * (1.0 + smoothing.COST_SLACK)
+    if way.grid_cost is not None:
+        limit = min(limit, way.grid_cost)
+    with clock.stage("smoothing"):
+        trajectory = _smooth(points, limit, way, problem, clock, work, smoothing_end)
+    with clock.stage("annotate"):
+        final = np.asarray(trajectory.points)
+        return annotate(trajectory, context, space, cost=_asked_cost(final, problem, context))
+
+
+def _sample(
+    points: FloatArray, cost: float, way: Way, problem: PlanningProblem, clock: Clock, share: float
+) -> tuple[FloatArray, float]:
+    space = way.graph.cost_space
+    with clock.stop_flag() as stop:
+        # Moves are symmetric: costs from the start are costs to it.
+        limit = cost * sampling.OCTILE_EXCESS
+        so_far = way.graph.costs_to(problem.start, limit=limit, stop=stop)
+    refined, _ = sampling.refine_with_ompl(
+        space,
+        problem.start,
+        problem.goal,
+        points,
+        cost_to_go=way.to_go.cost,
+        cost_so_far=so_far.cost if so_far.is_complete else None,
+        samples=problem.refine,
+        deadline_at=clock.at(share),
+        seed=problem.seed,
+    )
+    if space.line_cost(refined) >= cost * (1.0 - _GAIN):
+        return points, cost
+    return shorten(refined, space, deadline_at=clock.at(share))
+
+
+def _smooth(
+    points: FloatArray,
+    limit: float,
+    way: Way,
+    problem: PlanningProblem,
+    clock: Clock,
+    work: _Work,
+    share: float,
+) -> Trajectory:
+    """The smoothed trajectory, or the polyline with stops at its corners where smoothing does not help."""
+    space = way.graph.cost_space
+    if len(points) < 3:
+        return _timed(points, problem)
+    if clock.is_over(share):
+        work.warnings.append(_late(problem, work, "smoothed"))
+        return _timed(points, problem)
+    smoothed = smoothing.smooth(
+        points,
+        space,
+        max_speed=problem.max_speed,
+        max_accel=problem.max_accel,
+        deadline_at=clock.at(share),
+        cost_limit=limit,
+    )
+    if not smoothed.ok:
+        work.warnings.append(
+            f"The {work.name} could not be smoothed ({smoothed.reason}): the robot stops at its corners."
+        )
+        return _timed(points, problem)
+    if space.line_cost(smoothed.trajectory.points) > limit * (1.0 + _GAIN):
+        return _timed(points, problem)
+    work.stages.append("casadi")
+    return smoothed.trajectory
+
+
+def _shortest(
+    problem: PlanningProblem,
+    context: PlanningContext,
+    clock: Clock,
+    work: _Work,
+    way: Way,
+    route: Route,
+) -> Route | None:
+    """The shortest route for the same robot, whatever its uncertainty."""
+    rates = way.graph.cost_space.rate[np.isfinite(way.graph.cost_space.rate)]
+    if problem.max_r95 is None and problem.blind_r95 is not None and bool((rates == 1.0).all()):
+        return route
+    if clock.is_over():
+        work.warnings.append("The deadline came before the shortest route was searched.")
+        return None
+    with clock.stage("shortest"):
+        found = find_shortest(problem, context, clock)
+        if found is None:
+            work.warnings.append("The deadline came before the shortest route was found.")
+            return None
+        other = _Work("shortest route", _SHORTEST_SHARES)
+        quiet = Clock(problem.deadline)
+        quiet.began = clock.began
+        shortest = _finish(found, problem, context, quiet, other)
+    work.warnings.extend(other.warnings)
+    # The route itself is shorter where its smoothing went further.
+    return route if route.summary.length < shortest.summary.length else shortest
+
+
+def _asked_cost(points: FloatArray, problem: PlanningProblem, context: PlanningContext) -> float:
+    """Integral of the objective that was asked for, bounds left aside; inf across forbidden blind cells."""
+    weight = problem.effective_weight
+    blind = None if problem.blind_r95 is None else 1.0 + weight * problem.blind_r95
+    graph = context.graph(radius=problem.radius, weight=weight, max_r95=None, blind_rate=blind)
+    return graph.cost_space.line_cost(points)
+
+
+def _timed(points: FloatArray, problem: PlanningProblem) -> Trajectory:
+    return time_polyline(points, max_speed=problem.max_speed, max_accel=problem.max_accel)
+
+
+def _quick_route(points: FloatArray, way: Way, problem: PlanningProblem, context: PlanningContext) -> Route:
+    if np.array_equal(points[0], points[-1]):
+        points = points[:1]
+    cost = _asked_cost(points, problem, context)
+    return annotate(_timed(points, problem), context, way.graph.cost_space, cost=cost)
+
+
+def _late(problem: PlanningProblem, work: _Work, verb: str) -> str:
+    return f"The deadline of {problem.deadline:g} s came before the {work.name} was fully {verb}."
+
+
+def _result(
+    problem: PlanningProblem,
+    way: Way,
+    route: Route,
+    shortest: Route | None,
+    work: _Work,
+    clock: Clock,
+    context: PlanningContext,
+) -> PlanResult:
+    unmet = unmet_bounds(problem, way, route, context)
+    if unmet:
+        status = PlanStatus.RISK_UNMET
+    elif way.to_go.is_complete and way.grid_cost is not None:
+        status = PlanStatus.EXACT
+    else:
+        status = PlanStatus.APPROXIMATE
+    return PlanResult(
+        status=status,
+        route=route,
+        shortest=shortest,
+        grid_cost=way.grid_cost,
+        planner="+".join(work.stages),
+        unmet=unmet,
+        warnings=tuple(dict.fromkeys(work.warnings)),
+        stats={f"{k}_s": v for k, v in clock.seconds.items()} | {"total_s": clock.elapsed},
+    )
+
+
+def _nothing(problem: PlanningProblem, context: PlanningContext, clock: Clock) -> PlanResult:
+    if clock.is_over():
+        status = PlanStatus.TIMEOUT
+        said = f"The deadline of {problem.deadline:g} s came before any path was found; allow more time."
+    else:
+        status = PlanStatus.NO_PATH
+        cell = context.field.frame.resolution
+        said = (
+            f"Start and goal are not connected for a robot of radius {problem.radius:g} m on cells of "
+            f"{cell:g} m. A passage that leaves less than one cell beside the robot may be missed; "
+            "a finer field would find it."
+        )
+    stats = {f"{k}_s": v for k, v in clock.seconds.items()} | {"total_s": clock.elapsed}
+    return PlanResult(status, None, None, None, "grid_search", warnings=(said,), stats=stats)
+
+
+def warm_up() -> None:
+    """Compile or load the kernels and solvers of every stage, by small plans in a made-up room."""
+    context = example_context()
+    sampling.warm_up()
+    smoothing.warm_up()
+    for bound in (None, 0.05):
+        plan(
+            PlanningProblem((1.0, 1.0), (5.0, 5.0), 0.2, max_r95=bound, deadline=30.0, refine=50),
+            context,
+            report=lambda _: None,
+        )
