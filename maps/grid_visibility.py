@@ -6,7 +6,7 @@ opaque cell, or touches opaque cells on its left and on its right; nothing leaks
 corner. A place in or on an opaque cell sees nothing; beyond the grid nothing is opaque.
 
 A landmark in or on a wall: opaque cells within 1.2 cells of it are transparent for this landmark, and cells
-nearby that are not connected to its own side of the wall are opaque, so that it shines into one room only.
+nearby that lie behind the wall as seen from its own side are opaque, so that it shines into one room only.
 The tolerance is no distance between lattice corners, so that a shift by a micrometre changes nothing.
 """
 

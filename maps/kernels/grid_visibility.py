@@ -11,6 +11,7 @@ inside of one, or when it touches opaque cells on its left and on its right (not
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 NO_WALL, POCKET, BURIED = 0, 1, 2
@@ -132,16 +133,19 @@ def in_cone(mode, cone, dx, dy):
 def make_pocket(opaque, free, shift, lx, ly, normal_x, normal_y, tolerance, window):
     """Fill the window (w, w), w odd, of a landmark at (lx, ly); NO_WALL, POCKET (it is needed) or BURIED.
 
-    Opaque cells within ``tolerance`` units become transparent. Other transparent cells that are not
-    connected by cell sides, within the window, to the landmark's own cell become opaque: what lies behind the
-    wall stays hidden. Its own cell is the nearest transparent one within the tolerance; those on the side of
-    the normal (0, 0: none) come first, then free ones.
+    Opaque cells within ``tolerance`` units become transparent. Transparent cells that can be reached from the
+    landmark's side of the wall only by a detour become opaque: what lies behind the wall stays hidden. Its
+    side are the transparent cells within the tolerance that are connected there, side by side, to its own
+    cell; no detour is a way through cell sides that never turns back in row or column, as along every line of
+    sight. Its own cell is the nearest transparent one within the tolerance; those on the side of the normal
+    (0, 0: none) come first, then free ones. The tolerance must stay below w // 2 - 1 cells.
     """
     size = window.shape[0]
     corner_row = (ly >> shift) - size // 2
     corner_col = (lx >> shift) - size // 2
     limit = tolerance * tolerance
     half = (1 << shift) // 2
+    near = np.zeros((size, size), dtype=np.bool_)
     wall_near = False
     own = -1
     own_class = 4
@@ -159,6 +163,7 @@ def make_pocket(opaque, free, shift, lx, ly, normal_x, normal_y, tolerance, wind
             on_grid = 0 <= row < opaque.shape[0] and 0 <= col < opaque.shape[1]
             blocked = on_grid and opaque[row, col]
             window[r, c] = blocked
+            near[r, c] = distance <= limit
             if distance > limit:
                 continue
             if blocked:
@@ -183,36 +188,45 @@ def make_pocket(opaque, free, shift, lx, ly, normal_x, normal_y, tolerance, wind
         return NO_WALL
     if own < 0:
         return BURIED
-    reached = window.copy()
-    reached[:, :] = False
-    reached[own // size, own % size] = True
+    # Sources: transparent cells within the tolerance that are connected to the own cell there.
+    reached = np.zeros((5, size, size), dtype=np.bool_)
+    reached[4, own // size, own % size] = True
     grows = True
     while grows:
         grows = False
-        for r in range(size):
-            for c in range(size):
-                if window[r, c] or reached[r, c]:
+        for r in range(1, size - 1):
+            for c in range(1, size - 1):
+                if near[r, c] and not window[r, c] and not reached[4, r, c]:
+                    beside = reached[4, r - 1, c] or reached[4, r + 1, c]
+                    if beside or reached[4, r, c - 1] or reached[4, r, c + 1]:
+                        reached[4, r, c] = True
+                        grows = True
+    # From there by steps in two directions only, for each of the four pairs of directions.
+    for quadrant in range(4):
+        dr = 1 if quadrant < 2 else -1
+        dc = 1 if quadrant % 2 == 0 else -1
+        for i in range(size):
+            r = i if dr > 0 else size - 1 - i
+            for j in range(size):
+                c = j if dc > 0 else size - 1 - j
+                if window[r, c]:
                     continue
-                if (
-                    (r > 0 and reached[r - 1, c])
-                    or (r + 1 < size and reached[r + 1, c])
-                    or (c > 0 and reached[r, c - 1])
-                    or (c + 1 < size and reached[r, c + 1])
-                ):
-                    reached[r, c] = True
-                    grows = True
+                reached[quadrant, r, c] = (
+                    reached[4, r, c]
+                    or (i > 0 and reached[quadrant, r - dr, c])
+                    or (j > 0 and reached[quadrant, r, c - dc])
+                )
     for r in range(size):
         for c in range(size):
             x0 = ((corner_col + c) << shift) - lx
             y0 = ((corner_row + r) << shift) - ly
             if window[r, c]:
-                dx = max(x0, 0, -x0 - 2 * half)
-                dy = max(y0, 0, -y0 - 2 * half)
-                window[r, c] = dx * dx + dy * dy > limit
+                window[r, c] = not near[r, c]
             else:
                 # The cell that the landmark stands in never closes.
                 inside = -2 * half < x0 < 0 and -2 * half < y0 < 0
-                window[r, c] = not (reached[r, c] or inside)
+                seen = reached[0, r, c] or reached[1, r, c] or reached[2, r, c] or reached[3, r, c]
+                window[r, c] = not (seen or inside)
     return POCKET
 
 
