@@ -151,17 +151,18 @@ def kernel_args(sensor: Sensor, heading: float = 0.0) -> FloatArray:
     Returns
     -------
     args
-        Shape (6,): mode, variance of a bearing on the optical axis (rad²), field of view, pan_min, pan_max,
-        heading (rad).
+        Shape (7,): mode, variance of a bearing on the optical axis (rad²), field of view, pan_min, pan_max,
+        heading (rad), cosine of the field of view (-2: all around).
     """
     if isinstance(sensor, OmnidirectionalSensor):
-        return np.array([OMNIDIRECTIONAL, sensor.bearing_sigma**2, 2 * math.pi, 0.0, 0.0, heading])
+        return np.array([OMNIDIRECTIONAL, sensor.bearing_sigma**2, 2 * math.pi, 0.0, 0.0, heading, -2.0])
     if sensor.pan_policy == "optimal":
         mode = OPTIMAL
     else:
         mode = CENTRED_FREE if sensor.has_free_pan else CENTRED_LIMITED
     variance = (sensor.column_sigma_px / sensor.focal_px) ** 2
-    return np.array([mode, variance, sensor.field_of_view, sensor.pan_min, sensor.pan_max, heading])
+    view = sensor.field_of_view
+    return np.array([mode, variance, view, sensor.pan_min, sensor.pan_max, heading, math.cos(view)])
 
 
 def sensor_to_dict(sensor: Sensor) -> dict[str, Any]:

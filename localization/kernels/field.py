@@ -8,16 +8,21 @@ import numpy as np
 from numba import njit
 
 from localization.kernels.fix import CENTRED_FREE, OMNIDIRECTIONAL, triplet_fix, wrapped
+from localization.kernels.spans import azimuth_key, ranked_by_span
 from localization.kernels.triplets import (
     is_degenerate,
     largest_triangle,
     ranked_triplets,
     sorted_three,
+    strong_pairs,
     triplet_value,
 )
 
 #: A landmark nearer than this has no usable bearing: the robot stands on it. m
 TOUCH_M = 1e-3
+
+# Share of strong pairs from which the search by outer pairs is faster (measured).
+_MANY = 0.15
 
 
 @njit(cache=True, nogil=True)
@@ -100,6 +105,7 @@ def field_tile(
     h, w = free.shape
     n_all = landmarks.shape[0]
     hull_only = sensor[0] == OMNIDIRECTIONAL and not has_survey
+    pinhole = sensor[0] != OMNIDIRECTIONAL
     needs_azimuth = sensor[0] != OMNIDIRECTIONAL and sensor[0] != CENTRED_FREE
     seen = np.empty(n_all + 1, dtype=np.int64)
     order = np.empty(n_all + 1, dtype=np.int64)
@@ -116,6 +122,10 @@ def field_tile(
     cx = np.empty(n_all)
     cy = np.empty(n_all)
     crho = np.empty(n_all)
+    key = np.empty(n_all)
+    ring = np.empty(n_all, dtype=np.int64)
+    n_ring = 0
+    scratch = np.empty((8, 2 * n_all))
     values = np.empty(1)
     triplets = np.empty((1, 3), dtype=np.int64)
     corners = np.empty(3, dtype=np.int64)
@@ -183,23 +193,25 @@ def field_tile(
                     # In the order of the search, so that both compute the same number.
                     a0, a1, a2 = sorted_three(at[s0], at[s1], at[s2])
                     known = triplet_value(a0, a1, a2, gx, gy, rho, azimuth, shares, sensor)
-                found = ranked_triplets(
-                    n,
-                    order,
-                    gx,
-                    gy,
-                    rho,
-                    azimuth,
-                    shares,
-                    sensor,
-                    max(known, 0.0),
-                    cx,
-                    cy,
-                    crho,
-                    hull,
-                    values,
-                    triplets,
-                )
+                known = max(known, 0.0)
+                if hull_only or not pinhole or strong_pairs(n, rho, shares, sensor, known) <= _MANY * n * n:
+                    found = ranked_triplets(
+                        n, order, gx, gy, rho, azimuth, shares, sensor, known, cx, cy, crho, hull,
+                        values, triplets,
+                    )  # fmt: skip
+                else:
+                    for a in range(n):
+                        key[order[a]] = -azimuth_key(gx[a], gy[a])
+                    strongest_first(n, seen, key, ring, n_ring, mark, hull)
+                    n_ring = n
+                    for a in range(n):
+                        ring[a] = hull[a]
+                        hull[a] = at[hull[a]]
+                    found = ranked_by_span(
+                        n, order, gx, gy, rho, azimuth, shares, sensor, known, hull,
+                        scratch[0], scratch[1], scratch[2], scratch[3], scratch[4], scratch[5], scratch[6],
+                        scratch[7], values, triplets,
+                    )  # fmt: skip
                 if found == 0:
                     continue
                 i0 = triplets[0, 0]

@@ -4,8 +4,8 @@ Landmark ``i`` at ``d_i`` from the robot is inverted in the unit circle: ``g_i =
 gradient ``q_i`` is ``g_i`` turned by -90°, so the triangle of the ``g_i`` has the area of the triangle of
 the ``q_i``. ``D`` is twice that area, signed. ``v_i`` is the variance of bearing ``i``, rad².
 
-``sensor`` (6,): mode, bearing variance on the optical axis (rad²), field of view, pan_min, pan_max,
-heading (rad); see the MODE constants.
+``sensor`` (7,): mode (a constant below), bearing variance on the optical axis (rad²), field of view, pan_min,
+pan_max, heading (rad), cosine of the field of view.
 """
 
 from __future__ import annotations

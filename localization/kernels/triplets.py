@@ -22,8 +22,8 @@ from localization.kernels.fix import (
     pan_axis,
 )
 
-# Share by which bounds are loosened, far above rounding: an equal triplet is never cut off.
-_SLACK = 1e-11
+#: Share by which bounds are loosened, far above rounding: an equal triplet is never cut off.
+SLACK = 1e-11
 
 
 @njit(cache=True, nogil=True)
@@ -197,7 +197,7 @@ def triplet_value(i, j, k, gx, gy, rho, azimuth, survey, sensor):
             inner = 0.5 * (c12 + c23)
         else:
             inner = 0.5 * (c12 + c13)
-        if 2.0 * s - 1.0 < math.cos(sensor[2]) - FIT_TOLERANCE or inner < s * (1.0 - FIT_TOLERANCE):
+        if 2.0 * s - 1.0 < sensor[6] - FIT_TOLERANCE or inner < s * (1.0 - FIT_TOLERANCE):
             return -1.0
         # cos² off the axis: s for the outer two, inner² / s for the middle one.
         outer = sensor[1] * s * s
@@ -274,12 +274,12 @@ def ranked_triplets(
     cos_view = -2.0
     if pinhole:
         reach = 2.0 * math.sin(0.5 * sensor[2])
-        cos_view = math.cos(sensor[2]) - FIT_TOLERANCE
+        cos_view = sensor[6] - FIT_TOLERANCE
         on_axis *= math.cos(0.5 * sensor[2]) ** 4
     least = np.inf
     for i in range(n):
         least = min(least, on_axis + survey[i])
-    bar = known * (1.0 - _SLACK)
+    bar = known * (1.0 - SLACK)
     for i in range(n - 2):
         xi = gx[i]
         yi = gy[i]
@@ -307,14 +307,16 @@ def ranked_triplets(
             twice = xi * cy[a] - yi * cx[a]
             side = math.sqrt(ex * ex + ey * ey)
             low_j = on_axis + survey[j]
-            pair = (low * low_j + least * (low + low_j)) * (1.0 - _SLACK)
+            pair = (low * low_j + least * (low + low_j)) * (1.0 - SLACK)
             limit = bar * pair
             cut = (math.sqrt(limit) - abs(twice)) / side
             for b in range(a + 1, m):
                 if crho[b] < cut:
                     break
-                d = ex * cy[b] - ey * cx[b] + twice
+                d = ex * (cy[b] - yi) - ey * (cx[b] - xi)
                 if d * d < limit:
+                    continue
+                if cx[a] * cx[b] + cy[a] * cy[b] < cos_view * crho[a] * crho[b]:
                     continue
                 k = cid[b]
                 value = triplet_value(i, j, k, gx, gy, rho, azimuth, survey, sensor)
@@ -322,8 +324,28 @@ def ranked_triplets(
                     continue
                 k0, k1, k2 = sorted_three(index[i], index[j], index[k])
                 found = offer(value, k0, k1, k2, values, triplets, found)
-                if found == size and values[size - 1] * (1.0 - _SLACK) > bar:
-                    bar = values[size - 1] * (1.0 - _SLACK)
+                if found == size and values[size - 1] * (1.0 - SLACK) > bar:
+                    bar = values[size - 1] * (1.0 - SLACK)
                     limit = bar * pair
                     cut = (math.sqrt(limit) - abs(twice)) / side
     return found
+
+
+@njit(cache=True, nogil=True)
+def strong_pairs(n, rho, survey, sensor, known):
+    """How many pairs of landmarks ``ranked_triplets`` cannot rule out by strength alone; arguments there."""
+    reach = 2.0 * math.sin(0.5 * sensor[2])
+    on_axis = sensor[1] * math.cos(0.5 * sensor[2]) ** 4
+    least = np.inf
+    for i in range(n):
+        least = min(least, on_axis + survey[i])
+    need = math.sqrt(3.0 * known) * least / reach
+    count = 0
+    j = n - 1
+    for i in range(n - 1):
+        while j > i and rho[i] * rho[j] < need:
+            j -= 1
+        if j <= i:
+            break
+        count += j - i
+    return count
