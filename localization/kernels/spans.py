@@ -1,0 +1,157 @@
+"""Best triplet in a field of view by its two outer landmarks: for places where many are nearly equal.
+
+Along walls and rows all landmarks are about as strong, and pairs of strong ones (``kernels.triplets``)
+bound little. The outer pair of a triplet bounds more: it fixes the span, and the middle landmark lies
+between, no nearer and no farther than those that do.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from localization.kernels.fix import CENTRED_FREE, FIT_TOLERANCE
+from localization.kernels.triplets import SLACK, offer, sorted_three, triplet_value
+
+# Share of ρ² that rounding may add to twice an area.
+_ROUNDING = 1e-14
+
+
+@njit(cache=True, nogil=True)
+def azimuth_key(x, y):
+    """Number in [-2, 2] that rises with the azimuth of (x, y), without trigonometry."""
+    t = y / (abs(x) + abs(y))
+    if x >= 0.0:
+        return t
+    return 2.0 - t if t >= 0.0 else -2.0 - t
+
+
+@njit(cache=True, nogil=True)
+def _margins(xl, yl, rl, inv, sl, x, y, rho, r, s, near, far, bar, least, terms, out):
+    """By how much the bounds of pairs of one landmark with others (m,) exceed what is needed, into ``out``.
+
+    Plain loop over equally long arrays: the compiler makes it four pairs at a time.
+    """
+    a0 = terms[0]
+    a1 = terms[1]
+    a2 = terms[2]
+    on_axis = terms[3]
+    f0 = terms[4]
+    f1 = terms[5]
+    for i in range(out.shape[0]):
+        off = xl * y[i] - yl * x[i]
+        dot = xl * x[i] + yl * y[i]
+        ex = x[i] - xl
+        ey = y[i] - yl
+        scale = inv * r[i]
+        # Product of the cosines off the axis, at the worst axis for this span.
+        p = 0.5 * (a0 + scale * (a1 * dot + a2 * off))
+        p = on_axis * p * p
+        f = f0 + f1 * p
+        sh = s[i]
+        need = math.sqrt(bar * (p * p + f * (sl + sh) + sl * sh + (f + least) * (2.0 * p + sl + sh)))
+        rh = rho[i]
+        big = rl if rl > rh else rh
+        tiny = _ROUNDING * big * big
+        beyond = need + off - tiny
+        # The middle one sticks out of the chord by at most near·|e| - off, or stays off·(1 - far/big) inside.
+        out_side = near[i] * near[i] * (ex * ex + ey * ey) - beyond * beyond
+        in_side = off * (big - far[i]) - (need - tiny) * big
+        out[i] = out_side if out_side > in_side else in_side
+
+
+@njit(cache=True, nogil=True)
+def ranked_by_span(
+    n, index, gx, gy, rho, azimuth, survey, sensor, known, ring, x, y, r, p, s, near, far, margin,
+    values, triplets,
+):  # fmt: skip
+    """As ``ranked_triplets``, for pinholes; ``ring`` (n,) lists positions in these arrays by azimuth.
+
+    ``x`` to ``margin`` (2 n,) are scratch.
+    """
+    size = values.shape[0]
+    found = 0
+    values[:] = -1.0
+    triplets[:] = -1
+    view = sensor[2]
+    cos_view = sensor[6] - FIT_TOLERANCE
+    terms = np.empty(6)
+    terms[3] = sensor[1]
+    if sensor[0] == CENTRED_FREE:
+        terms[0] = 1.0
+        terms[1] = 1.0
+        terms[2] = 0.0
+        terms[4] = 0.0
+        terms[5] = 1.0
+    else:
+        terms[0] = 0.0
+        terms[1] = 1.0 + math.cos(view)
+        terms[2] = math.sin(view)
+        terms[4] = sensor[1] * math.cos(0.5 * view) ** 4
+        terms[5] = 0.0
+    least = np.inf
+    for a in range(n):
+        i = ring[a]
+        least = min(least, survey[i])
+        for b in (a, a + n):
+            x[b] = gx[i]
+            y[b] = gy[i]
+            p[b] = rho[i]
+            r[b] = 1.0 / rho[i]
+            s[b] = survey[i]
+    bar = known * (1.0 - SLACK)
+    for lo in range(n):
+        xl = x[lo]
+        yl = y[lo]
+        nearest = 0.0
+        farthest = np.inf
+        last = lo + 1
+        while last < lo + n:
+            dot = xl * x[last] + yl * y[last]
+            off = xl * y[last] - yl * x[last]
+            both = p[lo] * p[last]
+            if dot < cos_view * both or off < -1e-9 * both:
+                break
+            near[last] = nearest
+            far[last] = farthest
+            nearest = max(nearest, p[last])
+            farthest = min(farthest, p[last])
+            last += 1
+        if last < lo + 3:
+            continue
+        w = slice(lo + 2, last)
+        _margins(
+            xl, yl, p[lo], r[lo], s[lo], x[w], y[w], p[w], r[w], s[w], near[w], far[w], bar, least, terms,
+            margin[w],
+        )  # fmt: skip
+        for hi in range(lo + 2, last):
+            if margin[hi] < 0.0:
+                continue
+            ex = x[hi] - xl
+            ey = y[hi] - yl
+            off = xl * y[hi] - yl * x[hi]
+            dot = xl * x[hi] + yl * y[hi]
+            scale = r[lo] * r[hi]
+            c = 0.5 * (terms[0] + scale * (terms[1] * dot + terms[2] * off))
+            c = sensor[1] * c * c
+            f = terms[4] + terms[5] * c
+            pair = c * c + f * (s[lo] + s[hi]) + s[lo] * s[hi] + (f + least) * (2.0 * c + s[lo] + s[hi])
+            strongest = max(p[lo], p[hi], near[hi])
+            tiny = _ROUNDING * strongest * strongest
+            need = math.sqrt(bar * pair) - tiny
+            for m in range(lo + 1, hi):
+                d = ex * (y[m] - yl) - ey * (x[m] - xl)
+                if abs(d) < need:
+                    continue
+                i, j, k = sorted_three(ring[lo], ring[m % n], ring[hi % n])
+                value = triplet_value(i, j, k, gx, gy, rho, azimuth, survey, sensor)
+                if value < bar or value < 0.0:
+                    continue
+                i, j, k = sorted_three(index[i], index[j], index[k])
+                found = offer(value, i, j, k, values, triplets, found)
+                if found == size and values[size - 1] * (1.0 - SLACK) > bar:
+                    bar = values[size - 1] * (1.0 - SLACK)
+                    need = math.sqrt(bar * pair) - tiny
+    return found
