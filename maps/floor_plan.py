@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 
 from maps.arrays import BoolArray, FloatArray, digest
 from maps.errors import InvalidGeometry
-from maps.grid import GridFrame
+from maps.grid import MAX_COORDINATE_M, GridFrame
 
 MAX_VERTICES = 2_000_000
 
@@ -44,6 +44,8 @@ class FloorPlan:
     floor: tuple[Polygon, ...]
     obstacles: tuple[Polygon, ...] = ()
     opaque: tuple[bool, ...] = ()
+    _free: BaseGeometry = field(init=False, repr=False)
+    _see_through: BaseGeometry = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "floor", tuple(self.floor))
@@ -59,8 +61,15 @@ class FloorPlan:
         n = int(shapely.get_num_coordinates(np.array([*self.floor, *self.obstacles], dtype=object)).sum())
         if n > MAX_VERTICES:
             raise InvalidGeometry(f"The map has {n} vertices, the limit is {MAX_VERTICES}; simplify it.")
-        if self.free_space().is_empty:
+        floor = self.floor_area()
+        walls = [p for p, o in zip(self.obstacles, self.opaque, strict=True) if o]
+        object.__setattr__(self, "_free", _ready(floor, list(self.obstacles)))
+        object.__setattr__(self, "_see_through", _ready(floor, walls))
+        if self._free.is_empty:
             raise InvalidGeometry("Obstacles cover the whole floor: no free space is left.")
+
+    def __reduce__(self) -> tuple[type[FloorPlan], tuple[object, ...]]:
+        return (FloorPlan, (self.floor, self.obstacles, self.opaque))
 
     def floor_area(self) -> BaseGeometry:
         """Union of the floor polygons."""
@@ -68,12 +77,11 @@ class FloorPlan:
 
     def free_space(self) -> BaseGeometry:
         """Floor without any obstacle: (multi)polygon in W, m."""
-        return shapely.difference(self.floor_area(), shapely.union_all(list(self.obstacles)))
+        return self._free
 
     def see_through(self) -> BaseGeometry:
         """Floor without the opaque obstacles: where lines of sight may run; (multi)polygon in W, m."""
-        walls = [p for p, o in zip(self.obstacles, self.opaque, strict=True) if o]
-        return shapely.difference(self.floor_area(), shapely.union_all(walls))
+        return self._see_through
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
@@ -106,7 +114,6 @@ class FloorPlan:
     @staticmethod
     def _inside(area: BaseGeometry, points: npt.ArrayLike) -> BoolArray:
         p = np.asarray(points, dtype=np.float64)
-        shapely.prepare(area)
         flat = p.reshape(-1, 2)
         return np.asarray(shapely.contains_xy(area, flat[:, 0], flat[:, 1])).reshape(p.shape[:-1])
 
@@ -130,10 +137,26 @@ class FloorPlan:
 def _check(kind: str, i: int, polygon: Polygon) -> None:
     if not isinstance(polygon, Polygon) or polygon.is_empty:
         raise InvalidGeometry(f"The {kind} number {i} is not a polygon with at least three corners.")
-    if not np.isfinite(shapely.get_coordinates(polygon)).all():
+    if shapely.has_z(polygon):
+        raise InvalidGeometry(f"The {kind} number {i} has heights; a floor plan is flat: give x and y only.")
+    coordinates = shapely.get_coordinates(polygon)
+    if not np.isfinite(coordinates).all():
         raise InvalidGeometry(f"The {kind} number {i} has a coordinate that is not finite.")
+    if np.abs(coordinates).max() > MAX_COORDINATE_M:
+        raise InvalidGeometry(
+            f"The {kind} number {i} reaches {np.abs(coordinates).max():g} m; the limit is "
+            f"{MAX_COORDINATE_M:g} m from the origin. Use metres of the map frame."
+        )
     if not polygon.is_valid:
         raise InvalidGeometry(f"The {kind} number {i} is not valid: {shapely.is_valid_reason(polygon)}.")
+
+
+def _ready(floor: BaseGeometry, without: list[Polygon]) -> BaseGeometry:
+    area = shapely.difference(floor, shapely.union_all(without))
+    # The first question builds the index inside; later ones may come from several threads.
+    shapely.prepare(area)
+    shapely.contains_xy(area, *floor.bounds[:2])
+    return area
 
 
 def _edges(area: BaseGeometry) -> FloatArray:

@@ -12,7 +12,7 @@ from maps.arrays import BoolArray, FloatArray, IntArray, digest, frozen
 from maps.errors import InvalidGeometry
 
 MAX_CELLS = 400_000_000
-_MAX_COORDINATE_M = 1e7
+MAX_COORDINATE_M = 1e7
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,9 +46,9 @@ class GridFrame:
     def __post_init__(self) -> None:
         for name in ("origin_x", "origin_y", "yaw", "resolution"):
             value = float(getattr(self, name))
-            if not math.isfinite(value) or abs(value) > _MAX_COORDINATE_M:
+            if not math.isfinite(value) or abs(value) > MAX_COORDINATE_M:
                 raise InvalidGeometry(
-                    f"Grid {name} is {value}; it must be finite and below {_MAX_COORDINATE_M:g}."
+                    f"Grid {name} is {value}; it must be finite and below {MAX_COORDINATE_M:g}."
                 )
             object.__setattr__(self, name, value)
         if self.resolution <= 0:

@@ -10,6 +10,7 @@ import numpy as np
 
 from maps.arrays import BoolArray, FloatArray, digest, frozen
 from maps.errors import DuplicateLandmark, InvalidLandmark
+from maps.se2 import wrap
 
 MAX_LANDMARKS = 10_000
 COINCIDENT_M = 1e-6
@@ -26,11 +27,11 @@ class LandmarkSet:
     positions
         Shape (N, 2): ``p_WL``, m.
     facing
-        Shape (N,): azimuth of the landmark's outward normal in W, rad; NaN where it can be seen from
-        all sides.
+        Shape (N,): azimuth of the landmark's outward normal in W, rad, wrapped to [-π, π); NaN where it
+        can be seen from all sides.
     half_angle
         Shape (N,): largest angle between the normal and the line to the sensor, rad in (0, π]; π where
-        there is no normal. Default with a normal: π/2.
+        there is no normal, whatever is given. Default with a normal: π/2.
     sigma
         Shape (N,): standard deviation of the survey, m, isotropic; default 0.
 
@@ -51,7 +52,11 @@ class LandmarkSet:
     def __post_init__(self) -> None:
         ids = tuple(str(i) for i in self.ids)
         n = len(ids)
-        positions = frozen(np.asarray(self.positions, dtype=np.float64).reshape(-1, 2))
+        positions = frozen(np.asarray(self.positions, dtype=np.float64))
+        if n == 0 and positions.size == 0:
+            positions = frozen(np.empty((0, 2)))
+        if positions.ndim != 2 or positions.shape[1] != 2:
+            raise InvalidLandmark(f"Landmark positions have shape {positions.shape}; give (N, 2).")
         facing = np.full(n, np.nan) if self.facing is None else np.asarray(self.facing, dtype=np.float64)
         if self.half_angle is None:
             half = np.full(n, np.nan)
@@ -71,10 +76,11 @@ class LandmarkSet:
         object.__setattr__(self, "ids", ids)
         object.__setattr__(self, "positions", positions)
         object.__setattr__(self, "facing", frozen(facing))
-        default_half = np.where(np.isnan(facing), math.pi, math.pi / 2)
-        object.__setattr__(self, "half_angle", frozen(np.where(np.isnan(half), default_half, half)))
+        object.__setattr__(self, "half_angle", frozen(np.where(np.isnan(half), math.pi / 2, half)))
         object.__setattr__(self, "sigma", frozen(sigma))
         self._check_values()
+        object.__setattr__(self, "facing", frozen(wrap(facing)))
+        object.__setattr__(self, "half_angle", frozen(np.where(self.has_facing, self.half_angle, math.pi)))
         self._check_unique()
 
     def _check_values(self) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from maps.arrays import digest
-from maps.errors import LandmarkOutsideMap, TooFewLandmarks
+from maps.errors import LandmarkOutsideMap, MapFormatError, TooFewLandmarks
 from maps.floor_plan import FloorPlan
 from maps.grid import GridFrame, OccupancyGrid
 from maps.landmarks import LandmarkSet
@@ -32,6 +32,8 @@ class World:
 
     Raises
     ------
+    MapFormatError
+        If the name is not 1 to 200 printable characters.
     LandmarkOutsideMap
         If a landmark stands more than 0.5 m outside the floor's bounds (walls have thickness).
     """
@@ -41,6 +43,8 @@ class World:
     landmarks: LandmarkSet
 
     def __post_init__(self) -> None:
+        if not self.name or len(self.name) > 200 or not self.name.isprintable():
+            raise MapFormatError(f"World name {self.name[:40]!r}: use 1 to 200 printable characters.")
         x0, y0, x1, y1 = self.floor.bounds
         for name, (x, y) in zip(self.landmarks.ids, self.landmarks.positions, strict=True):
             t = OUTSIDE_TOLERANCE_M
