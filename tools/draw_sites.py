@@ -88,20 +88,32 @@ def mas97_room() -> Site:
     site.box(13.4, 8.0, 14.4, 9.6)
 
     for x, y, facing in (
+        # south, east, north and west wall
         (2.2, 0.0, NORTH),
         (4.9, 0.0, NORTH),
         (8.9, 0.0, NORTH),
+        (11.6, 0.0, NORTH),
+        (14.3, 0.0, NORTH),
+        (15.0, 1.9, WEST),
         (15.0, 4.6, WEST),
         (15.0, 7.1, WEST),
         (15.0, 11.4, WEST),
+        (15.0, 13.6, WEST),
         (12.6, 15.0, SOUTH),
+        (10.4, 15.0, SOUTH),
         (7.7, 15.0, SOUTH),
         (4.0, 15.0, SOUTH),
         (0.0, 11.2, EAST),
+        (0.0, 8.3, EAST),
         (0.0, 5.9, EAST),
         (0.0, 2.0, EAST),
+        # boxes
         (6.0, 3.1, WEST),
         (2.6, 7.0, SOUTH),
+        (6.4, 11.0, EAST),
+        (10.0, 12.4, SOUTH),
+        (9.8, 6.4, WEST),
+        (13.4, 8.7, WEST),
     ):
         site.landmark(x, y, facing)
     return site
