@@ -21,6 +21,8 @@ from maps.grid_visibility import RANGE_TOLERANCE_M, grid_runs, grid_visible
 from maps.grid_visibility import buried_landmarks as buried_on_grid
 from maps.landmarks import LandmarkSet
 from maps.runs import MaskArray, RunArray, Runs
+from maps.vector_visibility import buried_landmarks as buried_in_plan
+from maps.vector_visibility import vector_runs, vector_visible
 from maps.world import World
 
 
@@ -113,8 +115,6 @@ def compute_visibility(
             tick=tick,
         )
     else:
-        from maps.vector_visibility import vector_runs  # noqa: PLC0415
-
         runs = vector_runs(floor, landmarks, frame, max_range=max_range, threads=threads, tick=tick)
         if min_range > 0:
             runs = _without_discs(runs, landmarks, frame, min_range)
@@ -158,8 +158,6 @@ def visible_landmarks(
     floor, landmarks = world.floor, world.landmarks
     if isinstance(floor, OccupancyGrid):
         return grid_visible(floor, landmarks, p, min_range=min_range, max_range=max_range)
-    from maps.vector_visibility import vector_visible  # noqa: PLC0415
-
     visible = vector_visible(floor, landmarks, p, max_range=max_range)
     if min_range > 0:
         away = p[:, None, :] - landmarks.positions[None, :, :]
@@ -171,8 +169,6 @@ def buried_landmarks(world: World) -> BoolArray:
     """Shape (N,): landmarks so deep in walls that they can be seen from nowhere."""
     if isinstance(world.floor, OccupancyGrid):
         return buried_on_grid(world.floor, world.landmarks)
-    from maps.vector_visibility import buried_landmarks as buried_in_plan  # noqa: PLC0415
-
     return buried_in_plan(world.floor, world.landmarks)
 
 
