@@ -66,9 +66,14 @@ def plan_to_json(
         "unmet": [_unmet(u) for u in result.unmet],
         "warnings": [*warnings, *result.warnings],
     }
-    # As the store names it: question, version, answer.
-    text = json.dumps([answer["request"], answer["engine"], answer], sort_keys=True, allow_nan=False)
-    return {"plan": "p_" + hashlib.sha256(text.encode()).hexdigest(), **answer}
+    return seal(answer)
+
+
+def seal(answer: dict[str, Any]) -> dict[str, Any]:
+    """The answer with its id: a hash of everything else in it, hence of question, version and result."""
+    bare = {key: value for key, value in answer.items() if key != "plan"}
+    text = json.dumps(bare, sort_keys=True, allow_nan=False, separators=(",", ":"))
+    return {"plan": "p_" + hashlib.sha256(text.encode()).hexdigest(), **bare}
 
 
 def problem_to_json(problem: PlanningProblem) -> dict[str, Any]:

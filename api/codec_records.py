@@ -151,13 +151,13 @@ def job_to_json(record: JobRecord) -> dict[str, Any]:
 
 def point_to_json(field: UncertaintyField, x: float, y: float) -> dict[str, Any]:
     """What a field says about a place (m in W); places without a value say why."""
-    row, col = (int(v) for v in field.frame.cell_at((x, y)))
-    inside = bool(field.frame.contains((x, y)))
+    x0, y0, x1, y1 = field.frame.bounds()
+    inside = x0 <= x <= x1 and y0 <= y <= y1 and bool(field.frame.contains((x, y)))
+    row, col = (int(v) for v in field.frame.cell_at((x, y))) if inside else (0, 0)
     free = inside and bool(field.free[row, col])
     n_visible = int(field.n_visible[row, col]) if free else 0
     fix = free and bool(field.has_fix[row, col])
     at = (np.asarray(row), np.asarray(col))
-    x0, y0, x1, y1 = field.frame.bounds()
     if not inside:
         state, reason = "outside", f"The field spans x {x0:g} … {x1:g} m, y {y0:g} … {y1:g} m."
     elif not free:

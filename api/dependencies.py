@@ -11,18 +11,14 @@ from typing import Annotated
 from fastapi import Depends, Request
 
 from api.caching import BytesCache
+from api.errors import Busy
 from api.jobs import JobRunner
 from api.settings import Settings
 from api.store import Store
 from api.workers import WorkerPool
-from maps.errors import SurepathError
 
 _PICTURES_BYTES = 64_000_000
 _WAIT_S = 20.0
-
-
-class Busy(SurepathError):
-    """Too many requests want the processor at once."""
 
 
 @dataclass

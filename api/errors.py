@@ -14,7 +14,9 @@ from starlette.responses import Response
 import localization.errors as localization
 import maps.errors as maps
 import planner.errors as planner
+from api import settings
 from api import store_records as store
+from api import worker_process as worker
 from api.canvas import InvalidPicture
 from api.codec import DocumentError, to_json_bytes
 from api.schemas import SENSOR_TAGS
@@ -81,6 +83,10 @@ class UnsupportedMedia(maps.SurepathError):
     """A file or body is of a kind that is not taken here."""
 
 
+class Busy(maps.SurepathError):
+    """Too many requests want the processor at once."""
+
+
 class JobEnded(maps.SurepathError):
     """A job that has ended cannot be dismissed."""
 
@@ -89,6 +95,9 @@ class JobEnded(maps.SurepathError):
 TABLE: dict[type[Exception], tuple[str, str | None]] = {
     DocumentError: ("malformed_body", None),
     UnsupportedMedia: ("unsupported_media", None),
+    settings.LimitExceeded: ("limit_exceeded", None),
+    worker.WorkerError: ("overloaded", None),
+    Busy: ("overloaded", None),
     JobEnded: ("job_ended", None),
     store.NotFound: ("not_found", None),
     store.InUse: ("in_use", None),

@@ -12,11 +12,11 @@ from pydantic import BaseModel, ConfigDict
 from starlette.responses import Response
 
 from api.caching import HOUR, conditional, etag_of
-from api.canvas import BBox, InvalidPicture
+from api.canvas import BBox, InvalidPicture, check_bbox, picture_size
 from api.colormaps import COLORMAPS, DEFAULT_COLORMAP
 from api.dependencies import Service_
 from api.errors import InvalidRequest
-from api.render import heatmap_png
+from api.render import BAR_WIDTH, heatmap_png
 from api.routes.common import NOT_MODIFIED, binary, problems
 from localization.uncertainty_field import METRICS
 
@@ -24,6 +24,7 @@ router = APIRouter(prefix="/v1/fields", tags=["heatmaps"])
 
 #: Part of every tag: changes when the same question gives another picture.
 RENDERER = 1
+LEAST_WIDTH, LEAST_HEIGHT = 200, 130
 _MAX_SIDE = 16_384
 _LARGEST = 1e9
 _SMALLEST_WINDOW_M = 0.01
@@ -131,6 +132,27 @@ def _window(values: list[float]) -> BBox:
     return (x0, y0, x1, y1)
 
 
+def _size(asked: Picture, bounds: BBox) -> dict[str, int]:
+    """Width and height that leave room for the colour bar.
+
+    Raises
+    ------
+    InvalidPicture
+        If the size asked for leaves none.
+    """
+    extra = BAR_WIDTH if asked.legend else 0
+    window = check_bbox(asked.bbox, bounds)
+    width, height = picture_size(window, asked.width, asked.height, extra, asked.max_size)
+    if not asked.legend:
+        return {"width": width, "height": height}
+    if (asked.width or LEAST_WIDTH) < LEAST_WIDTH or (asked.height or LEAST_HEIGHT) < LEAST_HEIGHT:
+        raise InvalidPicture(
+            f"A picture with a colour bar starts at {LEAST_WIDTH} × {LEAST_HEIGHT} px; "
+            "ask for a larger one or for legend=false."
+        )
+    return {"width": max(width, LEAST_WIDTH), "height": max(height, LEAST_HEIGHT)}
+
+
 @router.get(
     "/{field}/heatmap.png",
     response_class=Response,
@@ -152,7 +174,7 @@ def heatmap(
         if png is None:
             values = service.store.load_field(record.id)
             with service.turn():
-                png = heatmap_png(values, **asked.model_dump())
+                png = heatmap_png(values, **{**asked.model_dump(), **_size(asked, values.frame.bounds())})
             service.pictures.put(tag, png)
         return Response(png, media_type="image/png")
 

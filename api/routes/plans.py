@@ -50,8 +50,9 @@ def make_plan(question: PlanIn, service: Service_) -> Response:
     problem, warnings = question.to_problem(
         default_deadline=settings.default_deadline_s, max_deadline=settings.max_deadline_s
     )
-    field = question.field if question.field is not None else newest_field(service, question.map or "")
-    found = service.pool.plan(field, problem, client_ref=question.client_ref, warnings=warnings)
+    field = newest_field(service, question.map or "") if question.field is None else question.field
+    path = service.store.field_path(service.store.ready_field(field).id)
+    found = service.pool.plan(path, problem, client_ref=question.client_ref, warnings=warnings)
     return json_response(service.store.add_plan(found).answer)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 
-import numpy as np
 import pytest
 
 from api import answers
@@ -21,7 +20,8 @@ from api.codec import (
 from localization.errors import InvalidSensor
 from localization.sensors import PRESETS, OmnidirectionalSensor, PinholePanSensor
 from planner.problem import PlanningProblem
-from planner.result import Path, PlanResult, PlanStatus, Route, RouteSummary, Trajectory, Unmet
+from planner.result import PlanResult, PlanStatus
+from tests.api.answers_by_hand import plan_by_hand
 from tests.fields import synthetic_field
 from tests.worlds import world_from_ascii
 
@@ -118,31 +118,9 @@ def test_texts_that_are_not_unicode_still_encode():
 
 
 def _plan(blind: bool = False) -> tuple[PlanResult, object, PlanningProblem]:
-    world = world_from_ascii("A....\n.....\nB...C")
-    field = synthetic_field(world)
-    points = np.array([[0.25, 0.75], [1.25, 0.75], [2.25, 0.75]])
-    c = np.full((3, 3), np.nan) if blind else np.tile([0.01, 0.002, 0.02], (3, 1))
-    path = Path(
-        points=points,
-        s=np.array([0.0, 1.0, 2.0]),
-        heading=np.zeros(3),
-        covariance=c,
-        r95=np.full(3, np.nan if blind else 0.3),
-        triplet=np.full((3, 3), -1) if blind else np.tile([0, 1, 2], (3, 1)),
-        pan=np.full(3, np.nan),
-        clearance=np.array([0.3, 0.4, 0.2]),
-    )
-    trajectory = Trajectory(
-        t=np.array([0.0, 1.0, 3.0]), points=points, velocity=np.zeros((3, 2)), acceleration=np.zeros((3, 2))
-    )
-    figures = [None] * 5 if blind else [0.3, 0.3, 0.28, 0.4, 1.0]
-    summary = RouteSummary(2.5, 2.0, 3.0, *figures, 2.0 if blind else 0.0, 0.2)
-    route = Route(path, trajectory, summary)
-    unmet = Unmet("max_r95_m", 0.1, 0.3, (1.25, 0.75), None, "too uncertain")
-    result = PlanResult(
-        PlanStatus.RISK_UNMET, route, route, 2.6, "grid_search", (unmet,), ("note",), {"seconds": 1.0}
-    )
-    return result, field, PlanningProblem((0.25, 0.75), (2.25, 0.75), 0.2)
+    field = synthetic_field(world_from_ascii("A....\n.....\nB...C"))
+    start, goal = (0.25, 0.75), (2.25, 0.75)
+    return plan_by_hand(start, goal, blind=blind), field, PlanningProblem(start, goal, 0.2)
 
 
 @pytest.mark.parametrize("blind", [False, True])

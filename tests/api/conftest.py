@@ -1,0 +1,143 @@
+"""A service on a tiny world, without worker processes."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import api.app
+from api.codec import parse_json, plan_to_json
+from api.settings import Settings
+from api.store_files import write_field
+from maps.io.world_file import world_from_geojson
+from planner.errors import GoalOccupied
+from tests.api.answers_by_hand import plan_by_hand
+from tests.api.clients import TestClient
+from tests.fields import synthetic_field
+
+ROOM = {
+    "type": "FeatureCollection",
+    "name": "room",
+    "features": [
+        {
+            "type": "Feature",
+            "properties": {"kind": "floor"},
+            "geometry": {"type": "Polygon", "coordinates": [[[0, 0], [8, 0], [8, 6], [0, 6], [0, 0]]]},
+        },
+        {
+            "type": "Feature",
+            "properties": {"kind": "obstacle", "opaque": True},
+            "geometry": {"type": "Polygon", "coordinates": [[[3, 2], [5, 2], [5, 4], [3, 4], [3, 2]]]},
+        },
+        *(
+            {
+                "type": "Feature",
+                "properties": {"kind": "landmark", "id": name},
+                "geometry": {"type": "Point", "coordinates": place},
+            }
+            for name, place in (("A", [0, 0]), ("B", [8, 0]), ("C", [8, 6]), ("D", [0, 6]))
+        ),
+    ],
+}
+LASER = {"kind": "omnidirectional", "bearing_sigma_deg": 0.1, "max_range_m": 30.0}
+
+
+class InlinePool:
+    """Does in the request what workers do, as far as the routes can tell."""
+
+    ready = True
+
+    def __init__(self) -> None:
+        self.store = None
+
+    def start(self) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+    def parse(self, upload):
+        return world_from_geojson(parse_json(upload.world), name=upload.name)
+
+    def plan(self, field_path, problem, *, client_ref=None, warnings=()):
+        if problem.goal == (4.0, 3.0):
+            raise GoalOccupied("The goal is inside an obstacle.", nearest_free=(2.0, 3.0))
+        field = self.store.load_field(field_path.stem)
+        result = plan_by_hand(problem.start, problem.goal)
+        return plan_to_json(result, field, problem=problem, client_ref=client_ref, warnings=warnings)
+
+
+class IdleJobs:
+    """Takes orders and leaves them to the test."""
+
+    def __init__(self, store, pool, *_):
+        self.store = store
+        pool.store = store
+
+    def start(self) -> None:
+        pass
+
+    def stop(self) -> None:
+        pass
+
+    def submit_field(self, map_id, sensor, resolution, heading):
+        return self.store.add_field_request(map_id, sensor, resolution, heading)
+
+    def dismiss(self, job_id):
+        return self.store.dismiss_job(job_id)
+
+
+@pytest.fixture
+def settings(tmp_path):
+    return Settings(data_dir=tmp_path / "data", preload=False, max_body_bytes=100_000, max_deadline_s=10.0)
+
+
+@pytest.fixture
+def client(settings, monkeypatch):
+    monkeypatch.setattr(api.app, "JobRunner", IdleJobs)
+    with TestClient(api.app.create_app(settings, pool=InlinePool())) as running:
+        yield running
+
+
+@pytest.fixture
+def room(client):
+    """The id of an uploaded room."""
+    return client.post("/v1/maps", json=ROOM).json()["map"]
+
+
+def finish(client, job_id: str) -> None:
+    """What a worker does with a job: a field by hand, written and committed."""
+    store = client.app.state.service.store
+    job = store.claim_job(job_id)
+    record = store.field(job.field_id)
+    field = synthetic_field(
+        store.world(record.map_id),
+        record.resolution,
+        lambda x, y: np.where(y > 1.0, 0.02 + 0.01 * x, np.nan),
+        record.sensor,
+    )
+    staged = store.staging_path(job.id)
+    size, checksum = write_field(field, staged)
+    store.set_progress(job.id, 1, 1)
+    assert store.commit_field(job.id, staged, size=size, checksum=checksum)
+
+
+@pytest.fixture
+def field(client, room):
+    """Ids of a room and its ready field: certain at the left, blind below y = 1 m."""
+    ordered = client.post("/v1/fields", json={"map": room, "sensor": LASER, "resolution_m": 0.5}).json()
+    finish(client, ordered["job"])
+    return SimpleNamespace(map=room, id=ordered["field"], path=f"/v1/fields/{ordered['field']}")
+
+
+def problem_of(answer, status: int, code: str) -> dict:
+    """The problem document of an answer that must be one."""
+    assert answer.status_code == status, answer.text
+    assert answer.headers["content-type"] == "application/problem+json"
+    document = answer.json()
+    assert document["code"] == code, document
+    assert document["status"] == status
+    assert document["request_id"] == answer.headers["x-request-id"]
+    return document

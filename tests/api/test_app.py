@@ -1,0 +1,87 @@
+"""The application as a whole."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+import api.app
+from api.settings import Settings
+from tests.api.clients import TestClient
+from tests.api.conftest import IdleJobs, InlinePool, problem_of
+
+
+@pytest.mark.parametrize(
+    "path", ["/nowhere", "/v1/nowhere", "/v1/maps/", "/v1/fields/f/heatmap.gif", "/%ff%00"]
+)
+def test_unknown_addresses(client, path):
+    problem_of(client.get(path), 404, "not_found")
+
+
+def test_other_methods(client):
+    problem = problem_of(client.put("/v1/plans"), 405, "method_not_allowed")
+    assert problem["instance"] == "/v1/plans"
+
+
+def test_large_bodies(client):
+    answer = client.post("/v1/plans", content=b"x" * 100_001, headers={"content-type": "application/json"})
+    problem = problem_of(answer, 413, "too_large")
+    assert (problem["limit"], problem["setting"]) == (100_000, "SUREPATH_MAX_BODY_BYTES")
+
+
+@pytest.mark.parametrize(
+    "body",
+    [b"{", b"\xff", b"[" * 100_000, b'{"seed": ' + b"1" * 5000 + b"}", b"{'a': 1}"],
+    ids=["cut", "bytes", "deep", "digits", "quotes"],
+)
+def test_broken_bodies_are_400(client, body):
+    answer = client.post("/v1/plans", content=body, headers={"content-type": "application/json"})
+    problem_of(answer, 400, "malformed_body")
+
+
+def test_the_openapi_document_is_complete(client):
+    document = client.get("/openapi.json").json()
+    assert document["openapi"].startswith("3.1")
+    references = set(re.findall(r"#/components/schemas/([\w.-]+)", client.get("/openapi.json").text))
+    assert references <= set(document["components"]["schemas"])
+    assert "HTTPValidationError" not in document["components"]["schemas"]
+    for path, operations in document["paths"].items():
+        for method, operation in operations.items():
+            where = f"{method} {path}"
+            assert operation.get("tags"), where
+            assert operation.get("description"), where
+            if path in {"/healthz", "/readyz"}:
+                continue
+            for status, answer in operation["responses"].items():
+                if int(status) >= 400:
+                    assert list(answer["content"]) == ["application/problem+json"], (where, status)
+                elif int(status) in {200, 201, 202}:
+                    assert answer.get("content"), (where, status)
+
+
+def test_examples_of_the_document_work(client, field):
+    schemas = client.get("/openapi.json").json()["components"]["schemas"]
+    order = {**schemas["FieldIn"]["examples"][0], "map": "room", "resolution_m": 0.5}
+    assert client.post("/v1/fields", json=order).status_code == 200
+    assert (
+        client.post("/v1/plans", json={**schemas["PlanIn"]["examples"][0], "map": "room"}).status_code == 200
+    )
+    upload = client.get("/openapi.json").json()["paths"]["/v1/maps"]["post"]["requestBody"]["content"]
+    assert client.post("/v1/maps", json=upload["application/json"]["example"]).status_code == 201
+
+
+def test_an_empty_store_gets_the_warehouse(tmp_path, monkeypatch):
+    monkeypatch.setattr(api.app, "JobRunner", IdleJobs)
+    settings = Settings(data_dir=tmp_path, preload=True)
+    with TestClient(api.app.create_app(settings, pool=InlinePool())) as client:
+        assert [m["name"] for m in client.get("/v1/maps").json()["maps"]] == ["warehouse"]
+        (field,) = client.get("/v1/fields").json()["fields"]
+        assert field["resolution_m"] == 0.1
+        client.delete(f"/v1/jobs/{field['job']}")
+        client.delete(f"/v1/maps/{field['map']}")
+        client.post("/v1/maps", json=__import__("tests.api.conftest", fromlist=["ROOM"]).ROOM)
+    with TestClient(api.app.create_app(settings, pool=InlinePool())) as client:
+        assert [m["name"] for m in client.get("/v1/maps").json()["maps"]] == ["room"], (
+            "not into a store in use"
+        )
