@@ -6,100 +6,26 @@ import math
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
-import numpy.typing as npt
 import shapely
-from maps.visibility import compute_visibility
 
 from localization.errors import Cancelled, FieldTooLarge
-from localization.kernels.field import field_tile
-from localization.sensors import LASER, Sensor, kernel_args
+from localization.sensors import LASER, Sensor
+from localization.tiles import FieldTile, compute_tile, tile_windows
+from localization.triplets import rank_triplets
 from localization.uncertainty_field import UncertaintyField
-from maps.arrays import BoolArray, FloatArray, IntArray
+from maps.arrays import BoolArray, FloatArray
 from maps.floor_plan import FloorPlan
 from maps.grid import GridFrame, OccupancyGrid
 from maps.landmarks import LandmarkSet
 from maps.se2 import wrap
+from maps.visibility import compute_visibility
 from maps.world import World
 
 #: A field takes about 50 bytes per cell.
 MAX_CELLS_DEFAULT = 200_000_000
-TILE = 128
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FieldTile:
-    """The field of a window of cells; arrays as in an uncertainty field."""
-
-    covariance: FloatArray
-    sigma_theta: FloatArray
-    triplet: IntArray
-    pan: FloatArray
-    n_visible: IntArray
-
-
-def tile_windows(shape: tuple[int, int], tile: int = TILE) -> list[tuple[slice, slice]]:
-    """Windows (rows, cols) that cover a grid of ``shape`` once, row by row."""
-    return [
-        (slice(r, min(r + tile, shape[0])), slice(c, min(c + tile, shape[1])))
-        for r in range(0, shape[0], tile)
-        for c in range(0, shape[1], tile)
-    ]
-
-
-def compute_tile(
-    world: World,
-    sensor: Sensor,
-    centres: FloatArray,
-    free: BoolArray,
-    masks: npt.NDArray[np.uint64],
-    *,
-    heading: float = 0.0,
-) -> FieldTile:
-    """Best triplet and fix at every free point of a window.
-
-    The result of a cell depends on nothing but its own position, mask, world, sensor and heading.
-
-    Parameters
-    ----------
-    world, sensor
-        Landmarks (with their survey sigmas) and what measures them.
-    centres
-        Shape (h, w, 2), W, m.
-    free
-        Shape (h, w): cells to compute; the others stay NaN, -1 and 0.
-    masks
-        Shape (h, w, n_words): bit ``i % 64`` of word ``i // 64`` says that landmark i is visible.
-    heading
-        Heading of the robot, rad, to which pan limits and pan angles refer.
-    """
-    shape = free.shape
-    tile = FieldTile(
-        np.full((*shape, 3), np.nan),
-        np.full(shape, np.nan),
-        np.full((*shape, 3), -1, dtype=np.int16),
-        np.full(shape, np.nan),
-        np.zeros(shape, dtype=np.int16),
-    )
-    sigma = world.landmarks.sigma
-    field_tile(
-        np.ascontiguousarray(centres),
-        np.ascontiguousarray(free),
-        np.ascontiguousarray(masks),
-        world.landmarks.positions,
-        sigma**2,
-        bool(np.any(sigma > 0)),
-        kernel_args(sensor, heading),
-        tile.covariance,
-        tile.sigma_theta,
-        tile.triplet,
-        tile.pan,
-        tile.n_visible,
-    )
-    return tile
 
 
 def build_field(
@@ -197,14 +123,16 @@ def build_field(
 
 
 def warm_up() -> None:
-    """Compile, or load from the cache, what :func:`build_field` needs: about a second when cached."""
+    """Compile, or load from the cache, what fields and triplets need: well below a second when cached."""
     ring = np.array([[0.5, 0.5], [2.5, 0.5], [1.5, 2.5], [0.5, 2.5]])
     landmarks = LandmarkSet(tuple("abcd"), ring)
     frame = GridFrame(0.0, 0.0, 0.0, 1.0, 3, 3)
     grid = OccupancyGrid(frame, np.ones((3, 3), dtype=np.bool_), np.zeros((3, 3), dtype=np.bool_))
     plan = FloorPlan((shapely.box(0.0, 0.0, 3.0, 3.0),))
     for floor in (grid, plan):
-        build_field(World("warm-up", floor, landmarks), LASER, resolution=1.0, threads=1)
+        world = World("warm-up", floor, landmarks)
+        build_field(world, LASER, resolution=1.0, threads=1)
+        rank_triplets(world, LASER, (1.25, 1.25))
 
 
 class _Steps:

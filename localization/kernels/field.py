@@ -77,6 +77,56 @@ def strongest_first(n, seen, strength, last, n_last, mark, order):
 
 
 @njit(cache=True, nogil=True)
+def inverted(x, y, n, order, landmarks, survey, heading, needs_azimuth, gx, gy, rho, azimuth, shares):
+    """Landmarks ``order`` (n,) seen from (x, y): inverted, 1/r, azimuth, share of the survey's variance."""
+    for a in range(n):
+        i = order[a]
+        dx = landmarks[i, 0] - x
+        dy = landmarks[i, 1] - y
+        s = 1.0 / (dx * dx + dy * dy)
+        gx[a] = dx * s
+        gy[a] = dy * s
+        rho[a] = math.sqrt(s)
+        shares[a] = survey[i] * s
+        azimuth[a] = wrapped(math.atan2(dy, dx) - heading) if needs_azimuth else 0.0
+
+
+@njit(cache=True, nogil=True)
+def ranked_at(x, y, seen, landmarks, survey, sensor, values, triplets):
+    """The best triplets of the landmarks ``seen`` (n,) from (x, y), see ``ranked_triplets``; their number."""
+    n = seen.shape[0]
+    n_all = landmarks.shape[0]
+    strength = np.zeros(n_all)
+    for a in range(n):
+        dx = landmarks[seen[a], 0] - x
+        dy = landmarks[seen[a], 1] - y
+        strength[seen[a]] = 1.0 / (dx * dx + dy * dy)
+    order = np.empty(n, dtype=np.int64)
+    strongest_first(n, seen, strength, seen, 0, np.zeros(n_all, dtype=np.int8), order)
+    near = np.empty((8, n))
+    gx, gy, rho, azimuth, shares = near[0], near[1], near[2], near[3], near[4]
+    inverted(x, y, n, order, landmarks, survey, sensor[5], True, gx, gy, rho, azimuth, shares)
+    scratch = np.empty(n, dtype=np.int64)
+    return ranked_triplets(
+        n,
+        order,
+        gx,
+        gy,
+        rho,
+        azimuth,
+        shares,
+        sensor,
+        0.0,
+        near[5],
+        near[6],
+        near[7],
+        scratch,
+        values,
+        triplets,
+    )
+
+
+@njit(cache=True, nogil=True)
 def _holds(order, n, at, i):
     """Whether landmark i is among ``order`` (n,); ``at`` (N,) says where it would be, and may be stale."""
     return 0 <= at[i] < n and order[at[i]] == i
@@ -169,19 +219,12 @@ def field_tile(
             if i0 < 0:
                 strongest_first(n, seen, strength, last, n_last, mark, order)
                 for a in range(n):
-                    i = order[a]
-                    last[a] = i
-                    at[i] = a
-                    s = strength[i]
-                    dx = landmarks[i, 0] - x
-                    dy = landmarks[i, 1] - y
-                    gx[a] = dx * s
-                    gy[a] = dy * s
-                    rho[a] = math.sqrt(s)
-                    shares[a] = survey[i] * s
-                    if needs_azimuth:
-                        azimuth[a] = wrapped(math.atan2(dy, dx) - sensor[5])
+                    last[a] = order[a]
+                    at[order[a]] = a
                 n_last = n
+                inverted(
+                    x, y, n, order, landmarks, survey, sensor[5], needs_azimuth, gx, gy, rho, azimuth, shares
+                )
                 # The neighbour's triplet tells how good the best is at least.
                 known = 0.0
                 if (

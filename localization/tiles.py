@@ -1,0 +1,87 @@
+"""Windows of cells: best triplet and fix at every free place of one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from localization.kernels.field import field_tile
+from localization.sensors import Sensor, kernel_args
+from maps.arrays import BoolArray, FloatArray, IntArray
+from maps.world import World
+
+TILE = 128
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FieldTile:
+    """The field of a window of cells; arrays as in an uncertainty field."""
+
+    covariance: FloatArray
+    sigma_theta: FloatArray
+    triplet: IntArray
+    pan: FloatArray
+    n_visible: IntArray
+
+
+def tile_windows(shape: tuple[int, int], tile: int = TILE) -> list[tuple[slice, slice]]:
+    """Windows (rows, cols) that cover a grid of ``shape`` once, row by row."""
+    return [
+        (slice(r, min(r + tile, shape[0])), slice(c, min(c + tile, shape[1])))
+        for r in range(0, shape[0], tile)
+        for c in range(0, shape[1], tile)
+    ]
+
+
+def compute_tile(
+    world: World,
+    sensor: Sensor,
+    centres: FloatArray,
+    free: BoolArray,
+    masks: npt.NDArray[np.uint64],
+    *,
+    heading: float = 0.0,
+) -> FieldTile:
+    """Best triplet and fix at every free point of a window.
+
+    The result of a cell depends on nothing but its own position, mask, world, sensor and heading.
+
+    Parameters
+    ----------
+    world, sensor
+        Landmarks (with their survey sigmas) and what measures them.
+    centres
+        Shape (h, w, 2), W, m.
+    free
+        Shape (h, w): cells to compute; the others stay NaN, -1 and 0.
+    masks
+        Shape (h, w, n_words): bit ``i % 64`` of word ``i // 64`` says that landmark i is visible.
+    heading
+        Heading of the robot, rad, to which pan limits and pan angles refer.
+    """
+    shape = free.shape
+    tile = FieldTile(
+        np.full((*shape, 3), np.nan),
+        np.full(shape, np.nan),
+        np.full((*shape, 3), -1, dtype=np.int16),
+        np.full(shape, np.nan),
+        np.zeros(shape, dtype=np.int16),
+    )
+    sigma = world.landmarks.sigma
+    field_tile(
+        np.ascontiguousarray(centres),
+        np.ascontiguousarray(free),
+        np.ascontiguousarray(masks),
+        world.landmarks.positions,
+        sigma**2,
+        bool(np.any(sigma > 0)),
+        kernel_args(sensor, heading),
+        tile.covariance,
+        tile.sigma_theta,
+        tile.triplet,
+        tile.pan,
+        tile.n_visible,
+    )
+    return tile

@@ -1,0 +1,165 @@
+"""The best landmark triplet at a place, and the ranking behind it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from localization import covariance as cov
+from localization.errors import LocalizationError
+from localization.kernels.field import TOUCH_M, ranked_at
+from localization.kernels.fix import triplet_fix
+from localization.sensors import Sensor, kernel_args
+from localization.tiles import compute_tile
+from maps.arrays import FloatArray, frozen
+from maps.se2 import wrap
+from maps.visibility import visible_landmarks
+from maps.world import World
+
+MAX_RANKED = 10_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TripletChoice:
+    """A triplet at a place and the fix that it gives.
+
+    Attributes
+    ----------
+    triplet
+        Ascending indices into ``world.landmarks``.
+    covariance
+        Shape (3,): xx, xy, yy in W, m².
+    sigma_theta
+        Standard deviation of the heading (of the optical axis for a pan head), rad.
+    pan
+        Optical axis relative to the heading, rad; NaN without a pan head.
+    n_visible
+        Landmarks in range, facing and line of sight.
+    """
+
+    triplet: tuple[int, int, int]
+    covariance: FloatArray
+    sigma_theta: float
+    pan: float
+    n_visible: int
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "covariance", frozen(self.covariance))
+
+    @property
+    def area95(self) -> float:
+        """Area of the 95 % ellipse, m²."""
+        return float(cov.area95(self.covariance))
+
+    @property
+    def r95(self) -> float:
+        """Radius of the circle with that area, m."""
+        return float(cov.r95(self.covariance))
+
+
+def pack_masks(visible: npt.NDArray[np.bool_]) -> npt.NDArray[np.uint64]:
+    """Bit masks (P, n_words) of visibilities (P, N): bit ``i % 64`` of word ``i // 64`` for landmark i."""
+    n_words = max(1, -(-visible.shape[1] // 64))
+    padded = np.zeros((visible.shape[0], n_words * 64), dtype=np.bool_)
+    padded[:, : visible.shape[1]] = visible
+    packed = np.packbits(padded, axis=1, bitorder="little")
+    return np.ascontiguousarray(packed).view("<u8").astype(np.uint64, copy=False)
+
+
+def best_triplet(
+    world: World, sensor: Sensor, point: npt.ArrayLike, *, heading: float = 0.0
+) -> TripletChoice | None:
+    """The triplet whose fix has the smallest 95 % ellipse, as in a field with a cell centred there.
+
+    Parameters
+    ----------
+    world, sensor
+        What is where, and what measures it.
+    point
+        Shape (2,): where the robot is, W, m.
+    heading
+        Of the robot, rad; pan limits and the pan angle refer to it.
+
+    Returns
+    -------
+    choice
+        None where no triplet gives a fix, or the place is not free.
+
+    Raises
+    ------
+    LocalizationError
+        If the point is not two finite numbers.
+    """
+    place, seen = _seen_at(world, sensor, point)
+    free = np.array([[bool(world.floor.free_at(place))]])
+    masks = pack_masks(seen[None, :])[None, :, :]
+    tile = compute_tile(world, sensor, place.reshape(1, 1, 2), free, masks, heading=float(wrap(heading)))
+    if tile.triplet[0, 0, 0] < 0:
+        return None
+    i, j, k = (int(t) for t in tile.triplet[0, 0])
+    return TripletChoice(
+        (i, j, k),
+        tile.covariance[0, 0],
+        float(tile.sigma_theta[0, 0]),
+        float(tile.pan[0, 0]),
+        int(tile.n_visible[0, 0]),
+    )
+
+
+def rank_triplets(
+    world: World, sensor: Sensor, point: npt.ArrayLike, *, heading: float = 0.0, count: int = 10
+) -> list[TripletChoice]:
+    """The best triplets at a place, smallest 95 % ellipse first; equal areas by ascending indices.
+
+    Parameters
+    ----------
+    world, sensor, point, heading
+        As for :func:`best_triplet`.
+    count
+        How many at most, 1 to 10,000.
+
+    Returns
+    -------
+    choices
+        Empty where no triplet gives a fix, or the place is not free.
+
+    Raises
+    ------
+    LocalizationError
+        If the point is not two finite numbers or the count is out of range.
+    """
+    if not 1 <= count <= MAX_RANKED:
+        raise LocalizationError(f"Count of triplets is {count}; it must be from 1 to {MAX_RANKED}.")
+    place, seen = _seen_at(world, sensor, point)
+    if not bool(world.floor.free_at(place)):
+        return []
+    positions, survey = world.landmarks.positions, world.landmarks.sigma**2
+    distance = np.hypot(positions[:, 0] - place[0], positions[:, 1] - place[1])
+    indices = np.flatnonzero(seen & (distance >= TOUCH_M))
+    if len(indices) < 3:
+        return []
+    x, y = float(place[0]), float(place[1])
+    args = kernel_args(sensor, float(wrap(heading)))
+    possible = math.comb(len(indices), 3)
+    values = np.empty(min(count, possible))
+    triplets = np.empty((len(values), 3), dtype=np.int64)
+    found = ranked_at(x, y, indices, positions, survey, args, values, triplets)
+    choices = []
+    for i, j, k in triplets[:found].tolist():
+        xx, xy, yy, variance, pan = triplet_fix(x, y, i, j, k, positions, survey, args)
+        if not math.isnan(xx):
+            choices.append(
+                TripletChoice((i, j, k), np.array([xx, xy, yy]), math.sqrt(variance), pan, len(indices))
+            )
+    return choices
+
+
+def _seen_at(world: World, sensor: Sensor, point: npt.ArrayLike) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+    place = np.asarray(point, dtype=np.float64)
+    if place.shape != (2,) or not np.isfinite(place).all():
+        raise LocalizationError(f"Point is {point!r}; it must be two finite numbers, m.")
+    visible = visible_landmarks(world, place[None, :], min_range=sensor.min_range, max_range=sensor.max_range)
+    return place, visible[0]
