@@ -20,6 +20,7 @@ _SHORTEST: Color = (214, 79, 12)
 _HEADER = 30
 _FOOTER = 84
 _OVERSAMPLING = 2
+_MARGIN_M = 2.0
 _ENLARGEMENTS = (1, 2, 5, 10, 20, 50, 100, 200)
 
 
@@ -40,7 +41,7 @@ def plan_png(field: UncertaintyField, answer: dict[str, Any], *, width: int = 15
     Parameters
     ----------
     field
-        The field that the plan was made on.
+        The field that the plan was made on; the picture shows it around its landmarks and the routes.
     answer
         The answer of ``POST /v1/plans``; without a route only the field is drawn and the status said.
     width
@@ -53,14 +54,14 @@ def plan_png(field: UncertaintyField, answer: dict[str, Any], *, width: int = 15
     InvalidPicture
         If the width makes no sense.
     """
-    bounds = field.frame.bounds()
+    routes = _routes(answer)
+    bounds = _window(field, routes)
     map_width = max(64, width - 142) * _OVERSAMPLING
     map_height = round(map_width * (bounds[3] - bounds[1]) / (bounds[2] - bounds[0]))
     height = map_height // _OVERSAMPLING + _HEADER + _FOOTER
     canvas.check_size(width * _OVERSAMPLING, height * _OVERSAMPLING)
     view = canvas.fit_view(bounds, map_width, map_height)
     limits = layers.color_range(field.metric("area95_m2"), None, None, "log")
-    routes = _routes(answer)
     enlargement = _enlargement(routes, view.scale)
     big = _map_with_routes(field, view, limits, routes, enlargement)
     image = Image.new("RGB", (width, height), (255, 255, 255))
@@ -108,6 +109,15 @@ def _map_with_routes(
             draw.ellipse([x - 15, y - 15, x + 15, y + 15], fill=layers.INK, outline=(255, 255, 255), width=3)
             draw.text((x, y), letter, fill=(255, 255, 255), font=canvas.font(20), anchor="mm")
     return image
+
+
+def _window(field: UncertaintyField, routes: list[_Drawn]) -> canvas.BBox:
+    """What is worth showing: routes and landmarks with a margin, not the empty part of a map."""
+    x0, y0, x1, y1 = field.frame.bounds()
+    places = np.concatenate([field.world.landmarks.positions, *(r.points for r in routes)])
+    low = np.maximum(places.min(axis=0) - _MARGIN_M, (x0, y0))
+    high = np.minimum(places.max(axis=0) + _MARGIN_M, (x1, y1))
+    return (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
 
 
 def _routes(answer: dict[str, Any]) -> list[_Drawn]:
@@ -190,7 +200,9 @@ def _paint_key(draw: ImageDraw.ImageDraw, top: int, routes: list[_Drawn], enlarg
         draw.line([(14, y), (52, y)], fill=route.color, width=4)
         text = f"{route.name}: {_figures(route.figures)}"
         canvas.write(draw, (62, y), text, size=14)
-    note = f"95 % ellipses drawn × {enlargement}" if enlargement > 1 else "95 % ellipses to scale"
+    note = (
+        f"95 % ellipses drawn {enlargement} times as large" if enlargement > 1 else "95 % ellipses to scale"
+    )
     note += "; thin lines: the triplet used there; ringed dots: landmarks used on the blue route"
     canvas.write(draw, (14, top + 60), note, size=12, fill=(90, 96, 104))
 
