@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import heapq
 import itertools
+import math
 from fractions import Fraction
 
 import numpy as np
@@ -174,7 +176,10 @@ def pocket_on_grid(opaque, free, unit, landmark, normal, tolerance_cells, size):
     def inside(cell):
         return cell[1] * unit < lx < (cell[1] + 1) * unit and cell[0] * unit < ly < (cell[0] + 1) * unit
 
-    return "pocket", {c: c not in near if c in wall else not (c in reached or inside(c)) for c in cells}
+    hidden = {c for c in clear - reached if not inside(c)}
+    border = {c for c in hidden if max(abs(c[0] - ly // unit), abs(c[1] - lx // unit)) == half}
+    behind = set().union(*(steps_from(c, hidden) for c in border))
+    return "pocket", {c: c in wall - near or c in behind for c in cells}
 
 
 # --- planner: timing, smoothing, sampling ---
@@ -231,3 +236,214 @@ def bending_cost(points, rates, bend, twist, step):
     cost = sum(0.5 * (rates[i] + rates[i + 1]) * length[i] for i in range(len(legs)))
     cost += bend * sum(kappa[i] ** 2 * 0.5 * (length[i - 1] + length[i]) for i in range(1, len(legs)))
     return cost + twist * sum((b - a) ** 2 for a, b in zip(kappa[:-1], kappa[1:], strict=True)) / step
+
+
+def least_in_box(band, slope, low, high, rounds=500):
+    """``min ½ xᵀ H x + gᵀ x`` with ``low ≤ x ≤ high``, one coordinate at a time; ``band[i, k]`` = H[i, i + k]."""
+    n = len(slope)
+    x = [0.0] * n
+
+    def element(i, j):
+        return band[min(i, j)][abs(i - j)] + (1e-6 if i == j else 0.0)
+
+    for _ in range(rounds):
+        for i in range(n):
+            around = range(max(0, i - 3), min(n, i + 4))
+            pull = slope[i] + sum(element(i, j) * x[j] for j in around if j != i)
+            x[i] = min(max(-pull / element(i, i), low[i]), high[i])
+    return np.array(x)
+
+
+# --- vector visibility ---
+
+
+def sight_past_edges(edges, landmark, place):
+    """Rule of sight between two lattice points past edges (x0, y0, x1, y1), by where lines cross, in fractions.
+
+    Hidden: the open segment crosses an edge, or passes ends of edges that stretch to its left and others to
+    its right.
+    """
+    (lx, ly), (px, py) = landmark, place
+    dx, dy = px - lx, py - ly
+    left = right = False
+    for x0, y0, x1, y1 in edges:
+        ex, ey = x1 - x0, y1 - y0
+        across = dx * ey - dy * ex
+        if across == 0:
+            continue
+        # L + t (P - L) = A + s (B - A)
+        t = Fraction((x0 - lx) * ey - (y0 - ly) * ex, across)
+        s = Fraction((x0 - lx) * dy - (y0 - ly) * dx, across)
+        if not (0 < t < 1 and 0 <= s <= 1):
+            continue
+        if 0 < s < 1:
+            return False
+        # Where the other end lies: dx * ey - dy * ex > 0 means that B is to the left.
+        to_left = across > 0 if s == 0 else across < 0
+        left, right = left or to_left, right or not to_left
+    return not (left and right)
+
+
+def nearest_edge_all_around(edges, direction):
+    """Index of the first edge that a ray from the origin crosses inside; (x0, y0, x1, y1) integers, None without."""
+    dx, dy = direction
+    hits = []
+    for i, (x0, y0, x1, y1) in enumerate(edges):
+        across = dx * (y1 - y0) - dy * (x1 - x0)
+        if across == 0:
+            continue
+        t = Fraction(x0 * (y1 - y0) - y0 * (x1 - x0), across)
+        s = Fraction(x0 * dy - y0 * dx, across)
+        if t > 0 and 0 < s < 1:
+            hits.append((t, i))
+    return min(hits)[1] if hits else None
+
+
+# --- planner: grid search ---
+
+
+def grid_dijkstra(rate, passable, source, resolution):
+    """Cost from a cell to every cell, 8 neighbours, length × mean rate; dict of reached cells."""
+    done, waiting = {}, [(0.0, source)]
+    while waiting:
+        cost, (row, col) = heapq.heappop(waiting)
+        if (row, col) in done:
+            continue
+        done[row, col] = cost
+        for dr, dc in itertools.product((-1, 0, 1), repeat=2):
+            r, c = row + dr, col + dc
+            if (dr or dc) and 0 <= r < rate.shape[0] and 0 <= c < rate.shape[1] and passable[r, c]:
+                step = (dr * dr + dc * dc) ** 0.5 * resolution * (rate[row, col] + rate[r, c]) / 2
+                heapq.heappush(waiting, (cost + step, (r, c)))
+    return done
+
+
+def grid_smallest_worst(values, passable, source, target):
+    """Smallest threshold at which source and target are connected by cells with values up to it; inf if none."""
+    for threshold in sorted({float(v) for v in values[passable]}):
+        usable = passable & (values <= threshold)
+        if not (usable[source] and usable[target]):
+            continue
+        seen, waiting = {source}, [source]
+        while waiting:
+            row, col = waiting.pop()
+            for dr, dc in itertools.product((-1, 0, 1), repeat=2):
+                r, c = row + dr, col + dc
+                ok = 0 <= r < values.shape[0] and 0 <= c < values.shape[1]
+                if ok and usable[r, c] and (r, c) not in seen:
+                    seen.add((r, c))
+                    waiting.append((r, c))
+        if target in seen:
+            return threshold
+    return float("inf")
+
+
+def cheapest_points(n, cost):
+    """Cheapest way from point 0 to n - 1 with cost(i, j) between any two in order: (cost, indices)."""
+    best = [(0.0, [0])]
+    for j in range(1, n):
+        best.append(min((best[i][0] + cost(i, j), [*best[i][1], j]) for i in range(j)))
+    return best[-1]
+
+
+# --- triplets ---
+
+
+def azimuths(point, landmarks):
+    """Azimuths of landmarks (n, 2) from a point, rad."""
+    return [math.atan2(y - point[1], x - point[0]) for x, y in landmarks]
+
+
+def mas97_covariance(point, three, variances):
+    """Σ (2, 2) of a fix by equations (4) and (5) of MAS97, step by step as printed."""
+    gradients = []
+    for x, y in three:
+        dx, dy = x - point[0], y - point[1]
+        gradients.append(np.array([dy, -dx]) / (dx * dx + dy * dy))
+    to_angles = np.array([[1.0, -1.0, 0.0], [0.0, 1.0, -1.0]])
+    upsilon = to_angles @ np.diag(variances) @ to_angles.T
+    jacobian = np.array([gradients[0] - gradients[1], gradients[1] - gradients[2]])
+    inverse = np.linalg.inv(jacobian)
+    return inverse @ upsilon @ inverse.T
+
+
+def information_covariance(point, landmarks, variances):
+    """Covariance (3, 3) of (x, y, θ): inverse of the sum of w h hᵀ over all landmarks."""
+    information = np.zeros((3, 3))
+    for (x, y), v in zip(landmarks, variances, strict=True):
+        dx, dy = x - point[0], y - point[1]
+        r2 = dx * dx + dy * dy
+        h = np.array([dy / r2, -dx / r2, -1.0])
+        information += np.outer(h, h) / v
+    return np.linalg.inv(information)
+
+
+def smallest_span(angles):
+    """First angle and span of the smallest arc that holds all angles, rad."""
+    best = None
+    for first in angles:
+        span = max((a - first) % (2 * math.pi) % (2 * math.pi - 1e-12) for a in angles)
+        if best is None or span < best[1]:
+            best = (first, span)
+    return best
+
+
+def axes_of_three(angles, sensor, heading, steps=4001):
+    """Every optical axis (in W) that a triplet allows, finely sampled with all ends; middle of its span."""
+    first, span = smallest_span(angles)
+    fov = sensor.field_of_view
+    if span > fov + 1e-12:
+        return [], 0.0
+    low, high = first + span - fov / 2, first + fov / 2
+    middle = first + span / 2
+    candidates = [*np.linspace(low, max(low, high), steps), middle]
+    for limit in (sensor.pan_min, sensor.pan_max):
+        for turn in (-2, -1, 0, 1, 2):
+            candidates.append(heading + limit + turn * 2 * math.pi)
+    width = sensor.pan_max - sensor.pan_min
+    allowed = []
+    for axis in candidates:
+        turned = (axis - heading - sensor.pan_min + 1e-12) % (2 * math.pi)
+        if low - 1e-12 <= axis <= high + 1e-12 and (turned <= width + 2e-12 or width >= 2 * math.pi - 1e-9):
+            allowed.append(axis)
+    return allowed, middle
+
+
+def fix_of_three(point, three, survey_sigmas, sensor, heading=0.0):
+    """Covariance (2, 2) of a triplet's fix, its variances and axis in W; None when there is no fix."""
+    angles = azimuths(point, three)
+    shares = [(s / math.dist(point, m)) ** 2 for s, m in zip(survey_sigmas, three, strict=True)]
+    inverted = [(np.array(m) - point) / math.dist(point, m) ** 2 for m in three]
+    e, f = inverted[1] - inverted[0], inverted[2] - inverted[0]
+    if abs(e[0] * f[1] - e[1] * f[0]) <= 1e-9 * sum(float(g @ g) for g in inverted):
+        return None
+    if sensor.kind == "omnidirectional":
+        variances = [sensor.bearing_sigma**2 + s for s in shares]
+        return mas97_covariance(point, three, variances), variances, math.nan
+    axes, middle = axes_of_three(angles, sensor, heading)
+    if not axes:
+        return None
+
+    def at(axis):
+        scale = sensor.column_sigma_px / sensor.focal_px
+        return [(scale * math.cos(a - axis) ** 2) ** 2 + s for a, s in zip(angles, shares, strict=True)]
+
+    def size(axis):
+        v1, v2, v3 = at(axis)
+        return v1 * v2 + v1 * v3 + v2 * v3
+
+    axis = min(axes, key=(lambda a: abs(a - middle)) if sensor.pan_policy == "centred" else size)
+    return mas97_covariance(point, three, at(axis)), at(axis), axis
+
+
+def ranked_triplets(point, landmarks, survey_sigmas, sensor, heading=0.0):
+    """All triplets of visible landmarks (n, 2) that give a fix, as (det Σ, triplet), best first."""
+    out = []
+    for i, j, k in itertools.combinations(range(len(landmarks)), 3):
+        chosen = [i, j, k]
+        fix = fix_of_three(
+            point, [tuple(landmarks[c]) for c in chosen], [survey_sigmas[c] for c in chosen], sensor, heading
+        )
+        if fix is not None:
+            out.append((float(np.linalg.det(fix[0])), (i, j, k)))
+    return sorted(out)

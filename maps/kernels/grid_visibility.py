@@ -130,15 +130,36 @@ def in_cone(mode, cone, dx, dy):
 
 
 @njit(cache=True, nogil=True)
+def _spread(filled, allowed):
+    """Fill what is connected to ``filled`` by cell sides within ``allowed``; both (w, w)."""
+    size = filled.shape[0]
+    grows = True
+    while grows:
+        grows = False
+        for r in range(size):
+            for c in range(size):
+                if filled[r, c] or not allowed[r, c]:
+                    continue
+                if (
+                    (r > 0 and filled[r - 1, c])
+                    or (r + 1 < size and filled[r + 1, c])
+                    or (c > 0 and filled[r, c - 1])
+                    or (c + 1 < size and filled[r, c + 1])
+                ):
+                    filled[r, c] = True
+                    grows = True
+
+
+@njit(cache=True, nogil=True)
 def make_pocket(opaque, free, shift, lx, ly, normal_x, normal_y, tolerance, window):
     """Fill the window (w, w), w odd, of a landmark at (lx, ly); NO_WALL, POCKET (it is needed) or BURIED.
 
     Opaque cells within ``tolerance`` units become transparent. Transparent cells that can be reached from the
-    landmark's side of the wall only by a detour become opaque: what lies behind the wall stays hidden. Its
-    side are the transparent cells within the tolerance that are connected there, side by side, to its own
-    cell; no detour is a way through cell sides that never turns back in row or column, as along every line of
-    sight. Its own cell is the nearest transparent one within the tolerance; those on the side of the normal
-    (0, 0: none) come first, then free ones. The tolerance must stay below w // 2 - 1 cells.
+    landmark's side of the wall only by a detour, and go on to the border of the window, become opaque: what
+    lies behind the wall stays hidden. Its side are the transparent cells within the tolerance that are
+    connected there, side by side, to its own cell; no detour is a way through cell sides that never turns
+    back in row or column, as along every line of sight. Its own cell is the nearest transparent one within
+    the tolerance; those on the side of the normal (0, 0: none) come first, then free ones.
     """
     size = window.shape[0]
     corner_row = (ly >> shift) - size // 2
@@ -146,6 +167,8 @@ def make_pocket(opaque, free, shift, lx, ly, normal_x, normal_y, tolerance, wind
     limit = tolerance * tolerance
     half = (1 << shift) // 2
     near = np.zeros((size, size), dtype=np.bool_)
+    allowed = np.zeros((size, size), dtype=np.bool_)
+    behind = np.zeros((size, size), dtype=np.bool_)
     wall_near = False
     own = -1
     own_class = 4
@@ -188,19 +211,13 @@ def make_pocket(opaque, free, shift, lx, ly, normal_x, normal_y, tolerance, wind
         return NO_WALL
     if own < 0:
         return BURIED
-    # Sources: transparent cells within the tolerance that are connected to the own cell there.
+    # The landmark's side within the tolerance.
     reached = np.zeros((5, size, size), dtype=np.bool_)
     reached[4, own // size, own % size] = True
-    grows = True
-    while grows:
-        grows = False
-        for r in range(1, size - 1):
-            for c in range(1, size - 1):
-                if near[r, c] and not window[r, c] and not reached[4, r, c]:
-                    beside = reached[4, r - 1, c] or reached[4, r + 1, c]
-                    if beside or reached[4, r, c - 1] or reached[4, r, c + 1]:
-                        reached[4, r, c] = True
-                        grows = True
+    for r in range(size):
+        for c in range(size):
+            allowed[r, c] = near[r, c] and not window[r, c]
+    _spread(reached[4], allowed)
     # From there by steps in two directions only, for each of the four pairs of directions.
     for quadrant in range(4):
         dr = 1 if quadrant < 2 else -1
@@ -216,17 +233,21 @@ def make_pocket(opaque, free, shift, lx, ly, normal_x, normal_y, tolerance, wind
                     or (i > 0 and reached[quadrant, r - dr, c])
                     or (j > 0 and reached[quadrant, r, c - dc])
                 )
+    # The rest is behind the wall where it goes on beyond the window, else a notch; the cell that the landmark
+    # stands in never closes.
     for r in range(size):
         for c in range(size):
             x0 = ((corner_col + c) << shift) - lx
             y0 = ((corner_row + r) << shift) - ly
-            if window[r, c]:
-                window[r, c] = not near[r, c]
-            else:
-                # The cell that the landmark stands in never closes.
-                inside = -2 * half < x0 < 0 and -2 * half < y0 < 0
-                seen = reached[0, r, c] or reached[1, r, c] or reached[2, r, c] or reached[3, r, c]
-                window[r, c] = not (seen or inside)
+            inside = -2 * half < x0 < 0 and -2 * half < y0 < 0
+            seen = reached[0, r, c] or reached[1, r, c] or reached[2, r, c] or reached[3, r, c]
+            allowed[r, c] = not (window[r, c] or seen or inside)
+            at_border = min(r, c) == 0 or max(r, c) == size - 1
+            behind[r, c] = allowed[r, c] and at_border
+    _spread(behind, allowed)
+    for r in range(size):
+        for c in range(size):
+            window[r, c] = (window[r, c] and not near[r, c]) or behind[r, c]
     return POCKET
 
 
