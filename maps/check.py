@@ -91,7 +91,7 @@ def _figures(world: World) -> dict[str, str]:
             "kind": "grid",
             "size": f"{frame.n_cols} × {frame.n_rows} cells, {frame.width_m:.2f} × {frame.height_m:.2f} m",
             "resolution": f"{frame.resolution:g} m",
-            "origin": f"({frame.origin_x:g}, {frame.origin_y:g}) m, yaw {math.degrees(frame.yaw):g}°",
+            "origin": f"({frame.origin_x:.9g}, {frame.origin_y:.9g}) m, yaw {math.degrees(frame.yaw):g}°",
             "free area": f"{floor.free_area_m2:.2f} m²",
             "opaque": f"{opaque} cells ({opaque / cells:.1%})",
             "unknown": f"{unknown} cells ({unknown / cells:.1%})",
@@ -119,13 +119,12 @@ def _floor_findings(world: World) -> list[Finding]:
     if isinstance(floor, OccupancyGrid):
         low, high = _USUAL_RESOLUTION_M
         if not low <= floor.frame.resolution <= high:
-            text = f"Cells measure {floor.frame.resolution:g} m; usual is {low:g} … {high:g} m. Check the resolution."
+            usual = f"{low:g} … {high:g} m"
+            text = f"Cells measure {floor.frame.resolution:g} m, usual is {usual}. Check the resolution."
             out.append(Finding("warning", "odd_resolution", text))
         unknown = float(np.mean(floor.unknown))
         if unknown > MUCH_UNKNOWN:
-            text = (
-                f"{unknown:.0%} of the cells are unknown: not free and, unless asked otherwise, not opaque."
-            )
+            text = f"{unknown:.0%} of the cells are unknown: not free, and not opaque unless asked otherwise."
             out.append(Finding("info", "much_unknown", text))
         if not floor.opaque.any():
             out.append(
