@@ -140,9 +140,10 @@ def _along_normal(edges, x, y, nx, ny, reach, step, out):
             k += 1
     at[:k].sort()
     for j in range(k):
-        # A wall hit at a flat angle needs longer steps to get clear of it.
+        # A wall hit at a flat angle needs longer steps to get clear of it, but not past the next one.
+        room = at[j + 1] - at[j] if j + 1 < k else math.inf
         beyond = step
-        while beyond <= 64.0 * step:
+        while beyond <= 64.0 * step and beyond < room:
             qx = np.int64(np.rint(x + nx * (at[j] + beyond)))
             qy = np.int64(np.rint(y + ny * (at[j] + beyond)))
             if strictly_inside(edges, qx, qy):
