@@ -14,7 +14,7 @@ from planner.kernels.any_angle import pull_string, relax, subdivide
 _WINDOW = 64
 # No place costs less per metre.
 _LOWEST_RATE = 1.0
-_SPACINGS_CELLS = (64, 32, 16, 8)
+_SPACINGS_CELLS = (64, 32, 16, 8, 4, 2)
 _MAX_SWEEPS = 40
 _MAX_PULLS = 6
 
@@ -25,7 +25,7 @@ def shorten(
     """A polyline of lower cost along the same way.
 
     Points are left out where a straight line is cheaper (dynamic programming over the path's points), then
-    points at spacings of 64, 32, 16 and 8 cells are moved while the exact cost falls.
+    points at spacings of 64, 32, … 2 cells are moved while the exact cost falls.
 
     Parameters
     ----------
