@@ -12,6 +12,9 @@ from localization.errors import InvalidSensor
 from localization.kernels.fix import CENTRED_FREE, CENTRED_LIMITED, OMNIDIRECTIONAL, OPTIMAL
 from maps.arrays import FloatArray, digest
 
+# Squares of squares of smaller numbers vanish in floating point.
+_SIGMA_MIN = 1e-12
+
 
 def _require(ok: bool, name: str, value: float, rule: str) -> None:  # noqa: FBT001
     if not ok:
@@ -46,7 +49,7 @@ class OmnidirectionalSensor:
 
     def __post_init__(self) -> None:
         s = self.bearing_sigma
-        _require(math.isfinite(s) and 0 < s < math.pi, "bearing_sigma", s, "positive and below π rad")
+        _require(_SIGMA_MIN <= s < math.pi, "bearing_sigma", s, f"from {_SIGMA_MIN:g} to π rad")
         _check_range(self.min_range, self.max_range)
 
     @property
@@ -104,6 +107,9 @@ class PinholePanSensor:
         for name in ("focal_px", "column_sigma_px"):
             value = getattr(self, name)
             _require(math.isfinite(value) and value > 0, name, value, "positive px and finite")
+        sigma = self.column_sigma_px / self.focal_px
+        rule = f"from {_SIGMA_MIN:g} to π: it is the bearing's sigma on the axis, rad"
+        _require(_SIGMA_MIN <= sigma < math.pi, "column_sigma_px / focal_px", sigma, rule)
         lo, hi = self.pan_min, self.pan_max
         eps = 1e-9
         _require(-math.pi - eps <= lo <= math.pi + eps, "pan_min", lo, "within ±π rad (±180°)")

@@ -226,7 +226,7 @@ def bending_cost(points, rates, bend, twist, step):
     """``Σ ρ |Δp| + bend Σ κ² l + twist Σ Δκ² / step`` of a polyline, curvature 0 at both ends."""
     from math import atan2, hypot, pi, remainder
 
-    legs = [(b[0] - a[0], b[1] - a[1]) for a, b in zip(points[:-1], points[1:], strict=True)]
+    legs = [(b[0] - a[0], b[1] - a[1]) for a, b in itertools.pairwise(points)]
     length = [hypot(*leg) for leg in legs]
     azimuth = [atan2(leg[1], leg[0]) for leg in legs]
     kappa = [0.0] * len(points)
@@ -235,7 +235,7 @@ def bending_cost(points, rates, bend, twist, step):
         kappa[i] = turn / (0.5 * (length[i - 1] + length[i]))
     cost = sum(0.5 * (rates[i] + rates[i + 1]) * length[i] for i in range(len(legs)))
     cost += bend * sum(kappa[i] ** 2 * 0.5 * (length[i - 1] + length[i]) for i in range(1, len(legs)))
-    return cost + twist * sum((b - a) ** 2 for a, b in zip(kappa[:-1], kappa[1:], strict=True)) / step
+    return cost + twist * sum((b - a) ** 2 for a, b in itertools.pairwise(kappa)) / step
 
 
 def least_in_box(band, slope, low, high, rounds=500):

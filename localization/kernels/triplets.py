@@ -306,10 +306,11 @@ def ranked_triplets(
             ey = cy[a] - yi
             twice = xi * cy[a] - yi * cx[a]
             side = math.sqrt(ex * ex + ey * ey)
+            per_side = 1.0 / side if side > 0.0 else 0.0
             low_j = on_axis + survey[j]
             pair = (low * low_j + least * (low + low_j)) * (1.0 - SLACK)
             limit = bar * pair
-            cut = (math.sqrt(limit) - abs(twice)) / side
+            cut = (math.sqrt(limit) - abs(twice)) * per_side
             for b in range(a + 1, m):
                 if crho[b] < cut:
                     break
@@ -327,7 +328,7 @@ def ranked_triplets(
                 if found == size and values[size - 1] * (1.0 - SLACK) > bar:
                     bar = values[size - 1] * (1.0 - SLACK)
                     limit = bar * pair
-                    cut = (math.sqrt(limit) - abs(twice)) / side
+                    cut = (math.sqrt(limit) - abs(twice)) * per_side
     return found
 
 
