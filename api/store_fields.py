@@ -45,6 +45,12 @@ class FieldShelf(MapShelf):
         """A fresh folder name where a job writes its field before it is committed."""
         return self._staging_dir / f"{job_id}.{uuid.uuid4().hex[:8]}.zarr"
 
+    def discard_staged(self, staged: Path) -> None:
+        """Remove what a job left in its staging folder: whole, in parts, or nothing at all."""
+        for path in self._staging_dir.iterdir():
+            if staged.name in path.name:
+                remove(path)
+
     def add_field_request(
         self, map_id: str, sensor: Sensor, resolution: float, heading: float = 0.0
     ) -> tuple[FieldRecord, JobRecord | None]:

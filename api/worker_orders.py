@@ -1,0 +1,43 @@
+"""What the service asks of its workers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from localization.sensors import Sensor
+
+
+@dataclass(frozen=True, slots=True)
+class FieldOrder:
+    """A field to compute.
+
+    Attributes
+    ----------
+    field_id
+        What the result must be.
+    map_path, target
+        Where the map is read and the field is written.
+    sensor, resolution, heading
+        As of :func:`localization.field_builder.build_field`.
+    threads, max_cells
+        Limits.
+    """
+
+    field_id: str
+    map_path: Path
+    target: Path
+    sensor: Sensor
+    resolution: float
+    heading: float
+    threads: int
+    max_cells: int
+
+
+@dataclass(frozen=True, slots=True)
+class UploadLimits:
+    """How large a decoded map may be: cells, landmarks, and bytes while it is decoded."""
+
+    pixels: int
+    landmarks: int
+    memory: int

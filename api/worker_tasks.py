@@ -1,0 +1,211 @@
+"""The tasks of the service: each runs inside a worker process."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+from api.codec import parse_json, plan_to_json
+from api.settings import LimitExceeded
+from api.store_files import read_field, read_world, write_field
+from api.worker_main import Channel, Program
+from api.worker_orders import FieldOrder, UploadLimits
+from localization import field_builder
+from localization.errors import LocalizationError
+from maps.errors import MapTooLarge
+from maps.io.landmark_files import parse_landmarks
+from maps.io.map_server import grid_from_image, parse_map_yaml
+from maps.io.world_file import world_from_geojson
+from maps.landmarks import LandmarkSet
+from maps.world import World
+from planner import plan as planning
+from planner.context import PlanningContext
+from planner.problem import MIN_DEADLINE_S, PlanningProblem
+from planner.result import PlanResult, PlanStatus
+
+T = TypeVar("T")
+_CONTEXTS = "contexts"
+#: A context takes about so much for each cell, with the caches that plans fill, bytes.
+_CONTEXT_BYTES_PER_CELL = 150
+_LOW_PRIORITY = 10
+
+
+def warm_up() -> None:
+    """Compile, or load from the cache, everything that a task will run."""
+    field_builder.warm_up()
+    planning.warm_up()
+
+
+def build(channel: Channel, order: FieldOrder) -> tuple[int, str]:
+    """Compute a field and write it; returns its bytes and checksum.
+
+    Raises
+    ------
+    SurepathError
+        As of :func:`localization.field_builder.build_field`.
+    LocalizationError
+        If the result is not what was ordered: the map or the program changed meanwhile.
+    """
+    world = read_world(order.map_path)
+    field = _in_background(
+        lambda: field_builder.build_field(
+            world,
+            order.sensor,
+            resolution=order.resolution,
+            heading=order.heading,
+            threads=order.threads,
+            progress=channel.progress,
+            cancelled=channel.cancelled,
+            max_cells=order.max_cells,
+        )
+    )
+    if (made := "f_" + field.content_hash()) != order.field_id:
+        raise LocalizationError(
+            f"Field '{made}' was computed, '{order.field_id}' was ordered; order it again."
+        )
+    return write_field(field, order.target)
+
+
+def _in_background(work: Callable[[], T]) -> T:
+    """Do work, with the threads that it starts, when nothing more urgent wants the processor."""
+
+    def lower() -> None:
+        if (
+            sys.platform == "linux"
+        ):  # elsewhere priority belongs to whole processes and cannot be raised again
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _LOW_PRIORITY)
+
+    with ThreadPoolExecutor(1, initializer=lower) as pool:
+        return pool.submit(work).result()
+
+
+def load(channel: Channel, path: Path, keep_bytes: int) -> frozenset[str]:
+    """Make a field ready for planning; returns the names of all that are in memory now.
+
+    Raises
+    ------
+    FieldFormatError
+        If there is no readable field.
+    """
+    contexts: dict[str, PlanningContext] = channel.memory.setdefault(_CONTEXTS, {})
+    context = contexts.pop(path.name, None) or PlanningContext(read_field(path))
+    contexts[path.name] = context  # the newest is last
+    while len(contexts) > 1 and sum(map(_context_bytes, contexts.values())) > keep_bytes:
+        del contexts[next(iter(contexts))]
+    return frozenset(contexts)
+
+
+def _context_bytes(context: PlanningContext) -> int:
+    n_rows, n_cols = context.field.frame.shape
+    return n_rows * n_cols * _CONTEXT_BYTES_PER_CELL
+
+
+def plan(
+    channel: Channel,
+    path: Path,
+    problem: PlanningProblem,
+    ends_at: float,
+    client_ref: str | None,
+    warnings: tuple[str, ...],
+) -> dict[str, Any]:
+    """Plan on a field that was loaded before; the answer of ``POST /v1/plans``.
+
+    Reports an answer without a route at once, and then each one that is better.
+
+    Raises
+    ------
+    PlannerError
+        If the question is wrong.
+    """
+    contexts: dict[str, PlanningContext] = channel.memory[_CONTEXTS]
+    context = contexts[path.name]
+
+    def encode(result: PlanResult) -> dict[str, Any]:
+        return plan_to_json(result, context.field, problem=problem, client_ref=client_ref, warnings=warnings)
+
+    channel.report(encode(PlanResult(PlanStatus.TIMEOUT, None, None, None, "none")))
+    # What waiting and loading took is gone; the request in the answer stays as it was asked.
+    left = max(MIN_DEADLINE_S, ends_at - time.monotonic())
+    hurried = replace(problem, deadline=min(problem.deadline, left))
+    return encode(planning.plan(hurried, context, report=lambda result: channel.report(encode(result))))
+
+
+def parse(channel: Channel, parts: dict[str, Any], limits: UploadLimits) -> World:  # noqa: ARG001
+    """Decode an upload (the fields of :class:`api.uploads.Upload`) under a limit of memory.
+
+    Raises
+    ------
+    DocumentError, MapError
+        If it is not a map.
+    MapTooLarge, LimitExceeded
+        If it is too large, or wants too much memory.
+    """
+    with _memory_limit(limits.memory):
+        try:
+            world = _world_of(parts)
+        except MemoryError:
+            raise MapTooLarge(
+                f"Decoding the map wants more than {limits.memory} bytes of memory "
+                "(SUREPATH_MAX_PARSE_BYTES); send a smaller one."
+            ) from None
+    cells = getattr(world.floor, "free", None)
+    for size, limit, what, setting in (
+        (0 if cells is None else cells.size, limits.pixels, "pixels", "SUREPATH_MAX_IMAGE_PIXELS"),
+        (len(world.landmarks), limits.landmarks, "landmarks", "SUREPATH_MAX_LANDMARKS"),
+    ):
+        if size > limit:
+            raise LimitExceeded(
+                f"The map has {size} {what}, the limit is {limit}.",
+                limit=limit,
+                requested=size,
+                setting=setting,
+            )
+    return world
+
+
+def _world_of(parts: dict[str, Any]) -> World:
+    name = parts["name"]
+    if parts["world"] is not None:
+        return world_from_geojson(parse_json(parts["world"], what="map"), name=name)
+    landmarks = LandmarkSet.empty()
+    if parts["landmarks"] is not None:
+        landmarks = parse_landmarks(parts["landmarks"], format=parts["landmark_format"])
+    meta = parse_map_yaml(parts["meta"])
+    floor = grid_from_image(
+        parts["image"],
+        meta,
+        unknown_is_free=parts["unknown_is_free"],
+        unknown_is_opaque=parts["unknown_is_opaque"],
+    )
+    return World(name or Path(meta.image).stem, floor, landmarks)
+
+
+@contextmanager
+def _memory_limit(extra: int) -> Iterator[None]:
+    """Let this process take at most ``extra`` bytes more than it has; elsewhere than on Linux: no limit."""
+    if sys.platform != "linux":
+        yield
+        return
+    import resource  # noqa: PLC0415  (Unix only)
+
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    wanted = pages * resource.getpagesize() + extra
+    if before[1] != resource.RLIM_INFINITY:
+        wanted = min(wanted, before[1])
+    resource.setrlimit(resource.RLIMIT_AS, (wanted, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)
+
+
+PROGRAM = Program(warm_up, {"build": build, "load": load, "plan": plan, "parse": parse})

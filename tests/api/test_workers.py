@@ -1,0 +1,251 @@
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from api import worker_process
+from api.settings import Settings
+from api.uploads import Upload
+from api.workers import Overloaded, TaskCrashed, WorkerDied, WorkerPool
+from maps.errors import MapFormatError, MapTooLarge
+from planner.errors import GoalOccupied
+from planner.problem import PlanningProblem
+
+PROGRAM = "tests.api.worker_programs:PROGRAM"
+FIELD = Path("f_1.zarr")
+ROOT = str(Path(__file__).parents[2])
+
+
+@pytest.fixture(scope="module", autouse=True)
+def workers_find_the_tests():
+    sys.path.insert(0, ROOT)
+    yield
+    sys.path.remove(ROOT)
+
+
+def problem(deadline=5.0):
+    return PlanningProblem((0, 0), (1, 1), 0.2, deadline=deadline)
+
+
+def wait_for(condition, timeout=20.0):
+    limit = time.monotonic() + timeout
+    while not condition():
+        assert time.monotonic() < limit, "it never happened"
+        time.sleep(0.01)
+
+
+@pytest.fixture(scope="module")
+def pool(workers_find_the_tests):
+    made = WorkerPool(Settings(workers=2, max_queue=4, max_parse_s=0.5), program=PROGRAM)
+    made.start()
+    assert made.wait_ready(30)
+    yield made
+    made.close()
+
+
+@pytest.fixture(autouse=True)
+def whole(request):
+    """Each test begins with all workers there."""
+    if "pool" in request.fixturenames:
+        made = request.getfixturevalue("pool")
+        wait_for(lambda: len(pids(made)) == 2)
+
+
+def pids(pool):
+    with pool._changed:
+        return [w.process.pid for w in pool._workers if w.state is worker_process.State.IDLE]
+
+
+def gone(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().split(")")[1].split()[0] == "Z"
+    except FileNotFoundError:
+        return True
+
+
+def test_a_plan_comes_back_and_the_worker_that_knows_the_field_is_asked_again(pool):
+    first = pool.plan(FIELD, problem())
+    assert first["routes"] == [{"n": 3}]
+    assert 4.0 < first["left"] <= 5.0
+    assert {pool.plan(FIELD, problem())["pid"] for _ in range(4)} == {first["pid"]}
+
+
+def test_mistakes_and_bugs_come_back_and_cost_no_worker(pool):
+    before = sorted(pids(pool))
+    with pytest.raises(GoalOccupied) as caught:
+        pool.plan(FIELD, problem(), client_ref="wrong")
+    assert caught.value.nearest_free == (1.0, 2.0)
+    with pytest.raises(TaskCrashed, match="ZeroDivisionError"):
+        pool.plan(FIELD, problem(), client_ref="bug")
+    with pytest.raises(MapFormatError):
+        pool.plan(Path("broken"), problem())
+    assert sorted(pids(pool)) == before
+
+
+def test_a_plan_that_hangs_answers_with_its_last_report(pool):
+    began = time.monotonic()
+    answer = pool.plan(FIELD, problem(0.4), client_ref="hang")
+    took = time.monotonic() - began
+    assert 0.6 < took < 0.4 + 0.5
+    assert answer["routes"] == [{"n": 2}]
+    assert answer["warnings"] == ["first", "The planner was stopped after the deadline."]
+    assert answer["plan"].startswith("p_")
+    assert len(pids(pool)) == 1, "one is left while the other is replaced"
+    assert pool.ready
+    assert pool.plan(FIELD, problem())["routes"] == [{"n": 3}]
+
+
+def test_a_plan_that_hangs_at_once_answers_without_a_route(pool):
+    assert pool.plan(FIELD, problem(0.1), client_ref="hang at once")["routes"] == []
+
+
+def test_a_worker_that_dies_answers_with_its_last_route_or_says_so(pool):
+    with pytest.raises(WorkerDied):
+        pool.plan(FIELD, problem(), client_ref="die")
+    answer = pool.plan(FIELD, problem(), client_ref="die late")
+    assert answer["routes"] == [{"n": 1}]
+    assert "unexpectedly" in answer["warnings"][-1]
+
+
+def test_an_idle_worker_that_is_killed_is_replaced(pool):
+    before = pids(pool)
+    os.kill(before[0], signal.SIGKILL)
+    wait_for(lambda: len(pids(pool)) == 2 and before[0] not in pids(pool))
+    assert pool.plan(FIELD, problem())["routes"]
+
+
+def test_a_field_that_is_read_too_slowly_is_there_next_time(pool):
+    with pytest.raises(Overloaded, match="still being read"):
+        pool.plan(Path("slow"), problem(0.1))
+    wait_for(lambda: len(pids(pool)) == 2)
+    before = sorted(pids(pool))
+    assert pool.plan(Path("slow"), problem())["routes"]
+    assert sorted(pids(pool)) == before, "nobody was killed for it"
+
+
+def test_more_requests_than_workers_wait_their_turn_and_too_many_are_refused(pool):
+    answers, refused = [], []
+
+    def ask():
+        try:
+            answers.append(pool.plan(FIELD, problem(), client_ref="sleep"))
+        except Overloaded as error:
+            refused.append(str(error))
+
+    threads = [threading.Thread(target=ask) for _ in range(9)]
+    for thread in threads:
+        thread.start()
+        time.sleep(0.01)
+    for thread in threads:
+        thread.join()
+    assert len(answers) == 6, "two at work, four waiting"
+    assert len(refused) == 3
+    assert all("SUREPATH_MAX_QUEUE" in text for text in refused)
+    assert len({a["pid"] for a in answers}) == 2
+
+
+def test_waiting_ends_at_the_deadline(pool):
+    threads = [
+        threading.Thread(target=pool.plan, args=(FIELD, problem()), kwargs={"client_ref": "sleep"})
+        for _ in range(2)
+    ]
+    for thread in threads:
+        thread.start()
+    time.sleep(0.05)
+    with pytest.raises(Overloaded, match="before the deadline"):
+        pool.plan(FIELD, problem(0.1))
+    for thread in threads:
+        thread.join()
+
+
+def test_uploads_are_decoded_aside(pool):
+    assert pool.parse(Upload(name="fine")) == "fine"
+    with pytest.raises(MapTooLarge, match="SUREPATH_MAX_PARSE_S"):
+        pool.parse(Upload(name="hang"))
+    with pytest.raises(MapTooLarge):
+        pool.parse(Upload(name="die"))
+
+
+def test_close_ends_calls_and_processes():
+    pool = WorkerPool(Settings(workers=2), program=PROGRAM)
+    pool.start()
+    assert pool.wait_ready(30)
+    processes = pids(pool)
+    raised = []
+
+    def hang():
+        try:
+            pool.plan(FIELD, problem(), client_ref="hang at once")
+        except WorkerDied as error:
+            raised.append(error)
+
+    thread = threading.Thread(target=hang)
+    thread.start()
+    wait_for(lambda: len(pids(pool)) == 1)
+    began = time.monotonic()
+    pool.close()
+    pool.close()
+    thread.join(5)
+    assert time.monotonic() - began < 5
+    assert len(raised) == 1
+    assert all(gone(pid) for pid in processes)
+    assert not pool.ready
+    with pytest.raises(WorkerDied, match="stopping"):
+        pool.plan(FIELD, problem())
+
+
+def test_workers_that_cannot_start_are_tried_again_slowly():
+    pool = WorkerPool(Settings(workers=2), program="tests.api.worker_programs:BROKEN")
+    pool.start()
+    try:
+        wait_for(lambda: pool._failures >= 2)
+        assert not pool.ready
+        assert not pool.wait_ready(0.01)
+        assert pool._started <= 3
+    finally:
+        pool.close()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_workers_end_when_the_service_is_killed(tmp_path):
+    script = tmp_path / "parent.py"
+    script.write_text(
+        "import sys, time\n"
+        "from api.settings import Settings\n"
+        "from api.workers import WorkerPool\n"
+        "from pathlib import Path\n"
+        "from planner.problem import PlanningProblem\n"
+        "import threading\n"
+        "if __name__ == '__main__':\n"
+        f"    pool = WorkerPool(Settings(workers=2), program={PROGRAM!r})\n"
+        "    pool.start()\n"
+        "    assert pool.wait_ready(30)\n"
+        "    hang = PlanningProblem((0, 0), (1, 1), 0.2, deadline=30)\n"
+        "    threading.Thread(target=pool.plan, args=(Path('f_1.zarr'), hang),"
+        " kwargs={'client_ref': 'hang at once'}, daemon=True).start()\n"
+        "    time.sleep(0.3)\n"
+        "    print(*[w.process.pid for w in pool._workers], flush=True)\n"
+        "    time.sleep(60)\n"
+    )
+    parent = subprocess.Popen(
+        [sys.executable, str(script)],
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": ROOT},
+    )
+    try:
+        workers = [int(pid) for pid in parent.stdout.readline().split()]
+        assert len(workers) == 2
+        assert not any(gone(pid) for pid in workers)
+    finally:
+        parent.kill()
+        parent.wait()
+        parent.stdout.close()
+    wait_for(lambda: all(gone(pid) for pid in workers), timeout=5)
