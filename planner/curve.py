@@ -18,6 +18,8 @@ from planner.timing import sample_spacing
 #: Distance between the dense stations of a curve, m.
 DENSE_M = 0.02
 _MAX_DENSE = 40_000
+#: By this much a curve may miss the clearance that is asked for, m.
+CLEARANCE_TOLERANCE_M = 1e-6
 # Limits are planned this share below what is allowed: between stations the acceleration bulges a little.
 _MARGIN = 1e-3
 
@@ -74,15 +76,20 @@ class CurveCheck:
     forbidden: FloatArray
 
     @property
+    def worst(self) -> float:
+        """Largest deficit, m; 0 where there is none."""
+        return float(self.deficit.max(initial=0.0))
+
+    @property
     def is_valid(self) -> bool:
         """Whether clearance and cells are as they must be, everywhere."""
-        return bool(math.isfinite(self.cost) and float(self.deficit.max(initial=0.0)) <= 0.0)
+        return math.isfinite(self.cost) and self.worst <= CLEARANCE_TOLERANCE_M
 
     def complaint(self) -> str:
         """What is wrong with the curve, in words."""
         if self.forbidden.any():
             return "the smooth path enters a forbidden cell"
-        return f"the smooth path misses its clearance by {float(self.deficit.max(initial=0.0)):.4f} m"
+        return f"the smooth path misses its clearance by {self.worst:.6f} m"
 
 
 def curve_through(points: FloatArray) -> Curve:

@@ -30,6 +30,7 @@ _REWIRE = 0.3
 # Draws of cells by u ** this, cells sorted by what a path through them costs: cheap places come more often.
 _GREED = 2.0
 _CHUNK = 1024
+_LEVELS = 65_000
 
 
 def refine_with_ompl(
@@ -97,10 +98,13 @@ def refine_with_ompl(
     least = float(np.min(cost_space.rate))
     through_cost(cost_to_go, so_far, places, least, cost_space.transform, through)
     reached = int(np.count_nonzero(np.isfinite(through)))
-    rows, cols = np.nonzero(through <= OCTILE_EXCESS * warm_cost)
+    limit = OCTILE_EXCESS * warm_cost
+    rows, cols = np.nonzero(through <= limit)
     if len(rows) == 0:
         return warm, stats
-    order = np.argsort(through[rows, cols], kind="stable")
+    # Small integers are sorted ten times faster than floats.
+    level = (through[rows, cols] * (_LEVELS / limit)).astype(np.uint16)
+    order = np.argsort(level, kind="stable")
     stats["informed_share"] = len(rows) / reached
     drawn = _draws(cost_space, rows[order], cols[order], samples, np.random.default_rng(seed))
     path, used = _grow(cost_space, start, goal, warm, drawn, deadline_at)

@@ -96,7 +96,7 @@ def smooth(
     Returns
     -------
     result
-        Verified on dense chords (2 cm): every chord's exact clearance is at least the radius (less 1 nm)
+        Verified on dense chords (2 cm): every chord's exact clearance is at least the radius (less 1 µm)
         plus the bound ``κ l²/8`` of its distance from the curve, no chord enters a forbidden cell, and the
         polyline of the trajectory's samples is itself valid and within the cost limit.
 

@@ -14,7 +14,7 @@ from numba import njit
 
 @njit(cache=True, nogil=True)
 def _entry_limit(b_end, kappa, step, accel):
-    """Largest b at a station of curvature ``kappa`` from which b_end, not above its own limit, is reached."""
+    """Largest b at a station of curvature ``kappa`` next to one with ``b_end``, by its own limit."""
     k = (2.0 * step * kappa) ** 2
     root = (2.0 * step) ** 2 * (accel * accel * (1.0 + k) - (kappa * b_end) ** 2)
     return (b_end + math.sqrt(max(root, 0.0))) / (1.0 + k)
@@ -45,9 +45,7 @@ def speed_profile(kappa, step, max_speed, accel, out):
     out[0] = 0.0
     for i in range(n - 1):
         room = math.sqrt(max(accel * accel - (kappa[i] * out[i]) ** 2, 0.0))
-        b = out[i] + 2.0 * step[i] * room
-        if out[i + 1] > out[i]:
-            b = min(b, _entry_limit(out[i], kappa[i + 1], step[i], accel))
+        b = min(out[i] + 2.0 * step[i] * room, _entry_limit(out[i], kappa[i + 1], step[i], accel))
         out[i + 1] = min(out[i + 1], max(b, 0.0))
 
 
