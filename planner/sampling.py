@@ -90,7 +90,7 @@ def refine_with_ompl(
     warm = distinct_points(warm_path)
     warm_cost = cost_space.line_cost(warm)
     stats = {"samples": 0.0, "warm_cost": warm_cost, "cost": warm_cost, "informed_share": 0.0, "seconds": 0.0}
-    if samples <= 0 or len(warm) < 2 or began >= deadline_at:
+    if samples <= 0 or len(warm) < 2 or began >= deadline_at or not math.isfinite(warm_cost):
         return warm, stats
     through = np.empty(cost_space.frame.shape)
     places = np.array([*start, 0.0 if cost_so_far is None else 1.0])
