@@ -25,7 +25,7 @@ def test_plain_json_is_read():
         (b'{"a": "\xff"}', "not UTF-8"),
         (b"[" * 100_000, "too deeply"),
         (b'{"a":' * 100_000, "too deeply"),
-        (b"[" + b"1" * 5000 + b"]", "cannot be read|can be read"),
+        (b"[" + b"1" * 5000 + b"]", "can"),
         ('{"a": "\ud800"', "line 1"),
     ],
 )
@@ -92,7 +92,7 @@ def test_numbers_pass(value):
     "value", [True, None, "1", math.nan, math.inf, 10**400, [], {}, "nan", "inf", "1_0", "0x1"]
 )
 def test_what_is_no_finite_number_is_refused(value):
-    with pytest.raises(MapFormatError, match="where is .* finite number"):
+    with pytest.raises(MapFormatError, match=r"where is .* finite number"):
         number(value, "where")
     if value != "1":
         with pytest.raises(MapFormatError, match="finite number"):
