@@ -15,7 +15,7 @@ from api.store_records import FieldRecord, FieldStatus, MapRecord
 router = APIRouter(include_in_schema=False)
 _SHOWN = 50
 _EXAMPLE = """curl -H 'Content-Type: application/json' {base}v1/plans -d '
-  {{"map": "warehouse", "start": {{"x_m": 4, "y_m": 4}}, "goal": {{"x_m": 55, "y_m": 34}},
+  {{"map": "warehouse", "start": {{"x_m": 4, "y_m": 4}}, "goal": {{"x_m": 55, "y_m": 20}},
    "robot": {{"radius_m": 0.35}}}}'"""
 
 
@@ -66,7 +66,7 @@ def _maps(maps: list[MapRecord]) -> str:
         f'<td><a href="/v1/maps/{escape(m.id)}/image.png">picture</a></td></tr>'
         for m in maps[:_SHOWN]
     )
-    head = "<th>name</th><th>floor</th><th>size</th><th>landmarks</th><th></th>"
+    head = '<th>name</th><th>floor</th><th class="number">size</th><th class="number">landmarks</th><th></th>'
     return f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>{_rest(len(maps))}"
 
 
@@ -80,7 +80,7 @@ def _fields(fields: list[FieldRecord], names: dict[str, str]) -> str:
         f"<td>{_state(f)}</td></tr>"
         for f in fields[:_SHOWN]
     )
-    head = "<th>map</th><th>sensor</th><th>cells</th><th>state</th>"
+    head = '<th>map</th><th>sensor</th><th class="number">cells</th><th>state</th>'
     return f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>{_rest(len(fields))}"
 
 

@@ -10,28 +10,27 @@ from starlette.responses import Response
 from api.caching import conditional
 
 _STYLE = """\
-:root { color-scheme: light; --ink: #20242a; --soft: #5b6470; --line: #d9dde2; --blue: #005ce6; }
-* { box-sizing: border-box; }
-body { margin: 0; font: 16px/1.5 system-ui, sans-serif; color: var(--ink); background: #fff; }
+body { margin: 0; background: #fff; }
+main, .back { font: 16px/1.5 system-ui, sans-serif; color: #20242a; }
+main a, .back a { color: #005ce6; }
 main { max-width: 76rem; margin: 0 auto; padding: 1.5rem; }
-h1 { font-size: 1.7rem; margin: 0 0 .3rem; }
-h2 { font-size: 1.15rem; margin: 2rem 0 .6rem; }
-p { max-width: 52rem; }
-a { color: var(--blue); }
-code, pre { font: 0.9em/1.45 ui-monospace, monospace; }
-pre { background: #f5f6f8; border: 1px solid var(--line); border-radius: 6px; padding: .8rem;
+main *, main { box-sizing: border-box; }
+main h1 { font-size: 1.7rem; margin: 0 0 .3rem; }
+main h2 { font-size: 1.15rem; margin: 2rem 0 .6rem; }
+main p { max-width: 52rem; }
+main code, main pre { font: 0.9em/1.45 ui-monospace, monospace; }
+main pre { background: #f5f6f8; border: 1px solid #d9dde2; border-radius: 6px; padding: .8rem;
   overflow-x: auto; }
-table { border-collapse: collapse; width: 100%; }
-th, td { text-align: left; padding: .35rem .8rem .35rem 0; border-bottom: 1px solid var(--line);
+main table { border-collapse: collapse; min-width: 60%; }
+main th, main td { text-align: left; padding: .35rem 1.6rem .35rem 0; border-bottom: 1px solid #d9dde2;
   vertical-align: top; }
-th { color: var(--soft); font-weight: 600; }
-.number { text-align: right; font-variant-numeric: tabular-nums; }
-.soft, figcaption { color: var(--soft); }
-figure { margin: 1rem 0; }
-img { max-width: 100%; height: auto; border: 1px solid var(--line); border-radius: 6px; }
-nav a { margin-right: 1.2rem; }
-.back { margin: 0; padding: .6rem 1.5rem; border-bottom: 1px solid var(--line);
-  font: 15px system-ui, sans-serif; }
+main th { color: #5b6470; font-weight: 600; }
+main .number { text-align: right; font-variant-numeric: tabular-nums; }
+main .soft, main figcaption { color: #5b6470; }
+main figure { margin: 1rem 0; }
+main img { max-width: 100%; height: auto; border: 1px solid #d9dde2; border-radius: 6px; }
+main nav a { margin-right: 1.2rem; }
+.back { margin: 0; padding: .6rem 1.5rem; border-bottom: 1px solid #d9dde2; }
 """
 STYLE_PATH = f"/static/page-{hashlib.sha256(_STYLE.encode()).hexdigest()[:10]}.css"
 

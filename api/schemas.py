@@ -215,7 +215,7 @@ class PlanIn(Request):
                 {
                     "map": "warehouse",
                     "start": {"x_m": 4.0, "y_m": 4.0},
-                    "goal": {"x_m": 55.0, "y_m": 34.0},
+                    "goal": {"x_m": 55.0, "y_m": 20.0},
                     "robot": {"radius_m": 0.35, "max_speed_m_s": 1.2, "max_accel_m_s2": 0.8},
                     "objective": {"kind": "weighted", "uncertainty_weight_per_m": 4.0},
                     "deadline_s": 2.0,

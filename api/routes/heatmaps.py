@@ -18,6 +18,7 @@ from api.dependencies import Service_
 from api.errors import InvalidRequest
 from api.render import BAR_WIDTH, heatmap_png
 from api.routes.common import NOT_MODIFIED, binary, problems
+from api.settings import LimitExceeded
 from localization.uncertainty_field import METRICS
 
 router = APIRouter(prefix="/v1/fields", tags=["heatmaps"])
@@ -132,17 +133,26 @@ def _window(values: list[float]) -> BBox:
     return (x0, y0, x1, y1)
 
 
-def _size(asked: Picture, bounds: BBox) -> dict[str, int]:
-    """Width and height that leave room for the colour bar.
+def _size(asked: Picture, bounds: BBox, limit: int) -> dict[str, int]:
+    """Width and height, within the limit of pixels, that leave room for the colour bar.
 
     Raises
     ------
     InvalidPicture
         If the size asked for leaves none.
+    LimitExceeded
+        If there are more pixels than the limit.
     """
     extra = BAR_WIDTH if asked.legend else 0
     window = check_bbox(asked.bbox, bounds)
     width, height = picture_size(window, asked.width, asked.height, extra, asked.max_size)
+    if width * height > limit:
+        raise LimitExceeded(
+            f"The picture would have {width} × {height} px, the limit is {limit} in all.",
+            limit=limit,
+            requested=width * height,
+            setting="SUREPATH_MAX_HEATMAP_PIXELS",
+        )
     if not asked.legend:
         return {"width": width, "height": height}
     if (asked.width or LEAST_WIDTH) < LEAST_WIDTH or (asked.height or LEAST_HEIGHT) < LEAST_HEIGHT:
@@ -159,7 +169,7 @@ def _size(asked: Picture, bounds: BBox) -> dict[str, int]:
     responses={
         200: binary("image/png", "The picture. Top row: highest y. Hatched: no fix."),
         **NOT_MODIFIED,
-        **problems("not_found", "field_not_ready", "invalid_picture", "store_unavailable"),
+        **problems("not_found", "field_not_ready", "invalid_picture", "limit_exceeded", "store_unavailable"),
     },
 )
 def heatmap(
@@ -174,7 +184,8 @@ def heatmap(
         if png is None:
             values = service.store.load_field(record.id)
             with service.turn():
-                png = heatmap_png(values, **{**asked.model_dump(), **_size(asked, values.frame.bounds())})
+                size = _size(asked, values.frame.bounds(), service.settings.max_heatmap_pixels)
+                png = heatmap_png(values, **{**asked.model_dump(), **size})
             service.pictures.put(tag, png)
         return Response(png, media_type="image/png")
 
