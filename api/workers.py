@@ -7,21 +7,16 @@ dies, or that is still at a plan 0.25 s after its deadline, is replaced.
 from __future__ import annotations
 
 import dataclasses
-import logging
-import threading
 import time
-from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
-from multiprocessing.connection import Pipe, wait
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from api.codec_plan import seal
 from api.settings import Settings
+from api.worker_crew import Overloaded, Turn, WorkerCrew
 from api.worker_orders import FieldOrder, UploadLimits
-from api.worker_process import State, TaskCrashed, TimedOut, Worker, WorkerDied, WorkerError
-from localization.errors import Cancelled
+from api.worker_process import TaskCrashed, TimedOut, WorkerDied, WorkerError
 from maps.errors import MapTooLarge
 from maps.world import World
 from planner.problem import PlanningProblem
@@ -31,20 +26,13 @@ if TYPE_CHECKING:
 
 __all__ = ["FieldOrder", "Overloaded", "TaskCrashed", "WorkerDied", "WorkerError", "WorkerPool"]
 
-log = logging.getLogger("surepath.workers")
-
 PROGRAM = "api.worker_tasks:PROGRAM"
 #: After its deadline a plan has so long to hand over what it has, s.
 KILL_AFTER_S = 0.25
-_LONGEST_PAUSE_S = 30.0
-
-
-class Overloaded(WorkerError):
-    """Every worker is busy and enough requests wait already, or none got free in time."""
 
 
 class WorkerPool:
-    """Worker processes, each with one task at a time.
+    """Computes fields, plans and uploads in worker processes.
 
     Parameters
     ----------
@@ -56,62 +44,29 @@ class WorkerPool:
 
     def __init__(self, settings: Settings, *, program: str = PROGRAM) -> None:
         self._settings = settings
-        self._program = program
-        self._size = max(2, settings.workers)
-        #: How many fields may be computed at a time. Each one uses every core, at low priority.
-        self.build_slots = max(1, self._size // 4)
-        self._workers: list[Worker] = []
-        self._waiting: deque[object] = deque()
-        self._builds = 0
-        self._started = 0
-        self._failures = 0
-        self._warm = False  # the first worker is: the kernels are compiled
-        self._ready = False
-        self._closed = False
-        self._changed = threading.Condition()
-        self._wake_reader, self._wake_writer = Pipe(duplex=False)
-        self._supervisor = threading.Thread(target=self._supervise, name="worker-supervisor", daemon=True)
+        self._crew = WorkerCrew(settings.workers, settings.max_queue, program)
 
-    def start(self) -> None:
-        """Start the first worker; the others follow when it has compiled the kernels. Returns at once."""
-        self._supervisor.start()
+    @property
+    def build_slots(self) -> int:
+        """How many fields may be computed at a time."""
+        return self._crew.build_slots
 
     @property
     def ready(self) -> bool:
         """Whether all workers were warm once, and one is there now."""
-        with self._changed:
-            return (
-                self._ready and not self._closed and any(w.state is not State.STARTING for w in self._workers)
-            )
+        return self._crew.ready
+
+    def start(self) -> None:
+        """Start the first worker; the others follow when it has compiled the kernels. Returns at once."""
+        self._crew.start()
 
     def wait_ready(self, timeout: float) -> bool:
         """Wait until :attr:`ready`; False if it takes longer than ``timeout`` s."""
-        with self._changed:
-            return self._changed.wait_for(lambda: self._ready or self._closed, timeout) and self.ready
+        return self._crew.wait_ready(timeout)
 
     def close(self) -> None:
         """End every worker at once; calls that wait for one raise WorkerDied."""
-        with self._changed:
-            if self._closed:
-                return
-            self._closed = True
-            workers = list(self._workers)
-            self._changed.notify_all()
-        for worker in workers:
-            worker.kill()
-        self._wake()
-        if self._supervisor.is_alive():
-            self._supervisor.join(10.0)
-        for worker in workers:
-            worker.process.join(5.0)
-        with self._changed:
-            # Whoever has a busy one lets go of it himself.
-            idle = [w for w in self._workers if w.state is not State.BUSY]
-            self._workers = [w for w in self._workers if w.state is State.BUSY]
-        for worker in idle:
-            worker.reap()
-
-    # --- requests ---------------------------------------------------------------------------------
+        self._crew.close()
 
     def plan(
         self,
@@ -147,7 +102,7 @@ class WorkerPool:
             If the worker died before it had an answer.
         """
         ends_at = time.monotonic() + problem.deadline
-        with self._turn(ends_at, prefer=field_path.name) as turn:
+        with self._crew.turn(ends_at, prefer=field_path.name) as turn:
             self._load(turn, field_path, ends_at)
             reports: list[dict[str, Any]] = []
             arguments = {
@@ -173,7 +128,7 @@ class WorkerPool:
                 return _with_warning(reports[-1], "The planner ended unexpectedly.")
             return answer
 
-    def _load(self, turn: _Turn, path: Path, ends_at: float) -> None:
+    def _load(self, turn: Turn, path: Path, ends_at: float) -> None:
         arguments = {"path": path, "keep_bytes": self._settings.cache_bytes}
         try:
             turn.worker.loaded = turn.worker.ask("load", arguments, ends_at=ends_at)
@@ -203,12 +158,12 @@ class WorkerPool:
         )
         parts = {f.name: getattr(upload, f.name) for f in dataclasses.fields(upload)}
         ends_at = time.monotonic() + self._settings.max_parse_s
-        with self._turn(ends_at) as turn:
+        with self._crew.turn(ends_at) as turn:
             try:
                 world: World = turn.worker.ask("parse", {"parts": parts, "limits": limits}, ends_at=ends_at)
             except (TimedOut, WorkerDied) as error:
                 turn.spoilt = True
-                if self._closed:
+                if self._crew.closed:
                     raise
                 raise MapTooLarge(
                     f"The map could not be decoded within {self._settings.max_parse_s:g} s "
@@ -236,185 +191,11 @@ class WorkerPool:
         SurepathError
             Whatever :func:`localization.field_builder.build_field` raises.
         """
-        with self._turn(None, build=True, cancelled=cancelled) as turn:
+        with self._crew.turn(None, build=True, cancelled=cancelled) as turn:
             result: tuple[int, str] = turn.worker.ask(
                 "build", {"order": order}, on_progress=on_progress, cancelled=cancelled
             )
             return result
-
-    # --- turns ------------------------------------------------------------------------------------
-
-    @contextmanager
-    def _turn(
-        self,
-        ends_at: float | None,
-        *,
-        build: bool = False,
-        prefer: str = "",
-        cancelled: Callable[[], bool] | None = None,
-    ) -> Iterator[_Turn]:
-        turn = _Turn(self._acquire(ends_at, build=build, prefer=prefer, cancelled=cancelled))
-        try:
-            yield turn
-        except (WorkerDied, TimedOut):
-            turn.spoilt = True
-            raise
-        finally:
-            if build:
-                with self._changed:
-                    self._builds -= 1
-            if turn.spoilt:
-                self._discard(turn.worker)
-            elif turn.detached:
-                threading.Thread(target=self._finish, args=(turn.worker,), daemon=True).start()
-            else:
-                self._release(turn.worker)
-
-    def _acquire(
-        self, ends_at: float | None, *, build: bool, prefer: str, cancelled: Callable[[], bool] | None
-    ) -> Worker:
-        ticket = object()
-        with self._changed:
-            if not build:
-                if len(self._waiting) >= self._settings.max_queue:
-                    raise Overloaded(
-                        f"{len(self._waiting)} requests wait for a worker already (limit "
-                        f"{self._settings.max_queue}, SUREPATH_MAX_QUEUE); try again in a moment."
-                    )
-                self._waiting.append(ticket)
-            try:
-                while True:
-                    if self._closed:
-                        raise WorkerDied("The service is stopping.")
-                    if cancelled is not None and cancelled():
-                        raise Cancelled("The field was cancelled before it began.")
-                    mine = self._builds < self.build_slots if build else self._waiting[0] is ticket
-                    if mine and (worker := self._choose(prefer, build=build)) is not None:
-                        worker.state = State.BUSY
-                        self._builds += build
-                        return worker
-                    left = 0.2 if ends_at is None else ends_at - time.monotonic()
-                    if left <= 0:
-                        raise Overloaded("No worker got free before the deadline; try again in a moment.")
-                    self._changed.wait(left)
-            finally:
-                if not build:
-                    self._waiting.remove(ticket)
-                    self._changed.notify_all()  # the next in the queue
-
-    def _choose(self, prefer: str, *, build: bool) -> Worker | None:
-        idle = [w for w in self._workers if w.state is State.IDLE and w.process.is_alive()]
-        if build:
-            # Planning contexts stay where they are.
-            return min(idle, key=lambda w: len(w.loaded), default=None)
-        return next((w for w in idle if prefer in w.loaded), idle[0] if idle else None)
-
-    def _release(self, worker: Worker) -> None:
-        with self._changed:
-            worker.state = State.IDLE
-            self._changed.notify_all()
-
-    def _finish(self, worker: Worker) -> None:
-        """Wait for a task that nobody waits for any more."""
-        while True:
-            try:
-                kind, payload = worker.receive(1.0)
-            except WorkerDied:
-                self._discard(worker)
-                return
-            if kind in {"done", "error", "crash"}:
-                worker.loaded = payload if kind == "done" else worker.loaded
-                self._release(worker)
-                return
-
-    def _discard(self, worker: Worker) -> None:
-        worker.reap()
-        with self._changed:
-            if worker in self._workers:
-                self._workers.remove(worker)
-            closed = self._closed
-        if not closed:
-            log.warning("worker %s ended or was killed; it is replaced", worker.process.pid)
-        self._wake()
-
-    # --- supervision ------------------------------------------------------------------------------
-
-    def _wake(self) -> None:
-        with suppress(OSError):
-            self._wake_writer.send_bytes(b"!")
-
-    def _supervise(self) -> None:
-        """Start workers, note when they are warm, replace idle ones that die."""
-        pause_until = 0.0
-        while not self._closed:
-            now = time.monotonic()
-            with self._changed:
-                missing = self._size - len(self._workers)
-                starting = [w for w in self._workers if w.state is State.STARTING]
-                idle = [w for w in self._workers if w.state is State.IDLE]
-            if missing and now >= pause_until and (self._warm or not starting):
-                self._spawn(missing if self._warm else 1)
-                continue
-            lines = {w.line: w for w in starting}
-            ends = {w.process.sentinel: w for w in (*starting, *idle)}
-            timeout = max(0.0, pause_until - now) if missing and not starting else 1.0
-            for event in wait([self._wake_reader, *lines, *ends], timeout or 0.05):
-                if event is self._wake_reader:
-                    self._wake_reader.recv_bytes()
-                elif (worker := lines.get(event)) is not None:  # type: ignore[call-overload]
-                    if not self._hear(worker):
-                        pause_until = time.monotonic() + min(_LONGEST_PAUSE_S, 0.5 * 2**self._failures)
-                        self._failures += 1
-                else:
-                    self._lost(ends[event])  # type: ignore[index]
-
-    def _spawn(self, count: int) -> None:
-        for _ in range(count):
-            self._started += 1
-            worker = Worker(self._program, self._started)
-            with self._changed:
-                self._workers.append(worker)
-                if self._closed:
-                    worker.kill()
-
-    def _hear(self, worker: Worker) -> bool:
-        """The first word of a starting worker: that it is warm, or why it cannot be."""
-        try:
-            kind, payload = worker.receive(0.0)
-        except WorkerDied as error:
-            kind, payload = "crash", str(error)
-        if kind == "nothing":
-            return True
-        if kind != "ready":
-            if not self._closed:
-                log.error("a worker could not start: %s", payload)
-            self._discard(worker)
-            return False
-        with self._changed:
-            worker.state = State.IDLE
-            self._warm = True
-            self._failures = 0
-            warm = [w for w in self._workers if w.state is not State.STARTING]
-            self._ready = self._ready or len(warm) >= self._size
-            self._changed.notify_all()
-        return True
-
-    def _lost(self, worker: Worker) -> None:
-        """An idle worker's process ended; if somebody took it meanwhile, he will notice himself."""
-        with self._changed:
-            if worker.state is not State.IDLE:
-                return
-            worker.state = State.BUSY
-        self._discard(worker)
-
-
-@dataclasses.dataclass(slots=True)
-class _Turn:
-    """A worker while a request has it, and what is to become of it afterwards."""
-
-    worker: Worker
-    spoilt: bool = False
-    detached: bool = False
 
 
 def _with_warning(answer: dict[str, Any], warning: str) -> dict[str, Any]:

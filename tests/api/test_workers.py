@@ -59,8 +59,8 @@ def whole(request):
 
 
 def pids(pool):
-    with pool._changed:
-        return [w.process.pid for w in pool._workers if w.state is worker_process.State.IDLE]
+    with pool._crew._changed:
+        return [w.process.pid for w in pool._crew._workers if w.state is worker_process.State.IDLE]
 
 
 def gone(pid):
@@ -205,10 +205,10 @@ def test_workers_that_cannot_start_are_tried_again_slowly():
     pool = WorkerPool(Settings(workers=2), program="tests.api.worker_programs:BROKEN")
     pool.start()
     try:
-        wait_for(lambda: pool._failures >= 2)
+        wait_for(lambda: pool._crew._failures >= 2)
         assert not pool.ready
         assert not pool.wait_ready(0.01)
-        assert pool._started <= 3
+        assert pool._crew._started <= 3
     finally:
         pool.close()
 
@@ -231,7 +231,7 @@ def test_workers_end_when_the_service_is_killed(tmp_path):
         "    threading.Thread(target=pool.plan, args=(Path('f_1.zarr'), hang),"
         " kwargs={'client_ref': 'hang at once'}, daemon=True).start()\n"
         "    time.sleep(0.3)\n"
-        "    print(*[w.process.pid for w in pool._workers], flush=True)\n"
+        "    print(*[w.process.pid for w in pool._crew._workers], flush=True)\n"
         "    time.sleep(60)\n"
     )
     parent = subprocess.Popen(
