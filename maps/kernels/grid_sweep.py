@@ -227,7 +227,7 @@ def _sweep(
     intervals[0, 1] = SCALE
     intervals[0, 2] = high
     intervals[0, 3] = SCALE
-    count = 1
+    count = np.int64(1)  # a plain 1 would compile all of this twice
     pieces = np.empty((4, 2), dtype=np.int64)
     n_lines = ty.shape[0]
     inverse = (tx.shape[0] - 1) / float(tx[-1] - tx[0]) if tx.shape[0] > 1 else 0.0
@@ -298,7 +298,7 @@ def sweep_landmark(
         longest = max(longest, offsets[row + 1] - offsets[row])
     scratch = np.empty((longest + window.shape[1] + 2, 2), dtype=np.int32)
     runs = np.empty((256, 3), dtype=np.int32)
-    n = 0
+    n = np.int64(0)
     for down in (False, True):
         runs, n = _sweep(
             runs, n, lines, offsets, opaque, window, corner_row, corner_col, shift, lx, ly, mx, my,
