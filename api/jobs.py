@@ -193,7 +193,8 @@ class JobRunner:
             size, checksum = self._pool.build(
                 order, on_progress=_Noter(self._store, job.id), cancelled=lambda: self._cancelled(job.id)
             )
-            self._store.commit_field(job.id, staged, size=size, checksum=checksum)
+            if self._store.commit_field(job.id, staged, size=size, checksum=checksum):
+                self._pool.prefetch(self._store.field_path(field.id))
         except Cancelled:
             self._put_back(job, "The job was cancelled.", its_fault=False)
         except (WorkerError, StoreUnavailable) as error:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +18,7 @@ from api.settings import Settings
 from api.worker_crew import Overloaded, Turn, WorkerCrew
 from api.worker_orders import FieldOrder, UploadLimits
 from api.worker_process import TaskCrashed, TimedOut, WorkerDied, WorkerError
-from maps.errors import MapTooLarge
+from maps.errors import MapTooLarge, SurepathError
 from maps.world import World
 from planner.problem import PlanningProblem
 
@@ -138,6 +139,12 @@ class WorkerPool:
             raise Overloaded(
                 "The field is still being read by the planner; try again, or with a longer deadline."
             ) from None
+
+    def prefetch(self, field_path: Path) -> None:
+        """Have an idle worker, if there is one, make a field ready for plans to come. Returns at once."""
+        now = time.monotonic()
+        with suppress(SurepathError), self._crew.turn(now, prefer=field_path.name) as turn:
+            self._load(turn, field_path, now)
 
     def parse(self, upload: Upload) -> World:
         """Decode an upload, in a worker and under a limit of memory.

@@ -130,6 +130,17 @@ def test_a_field_that_is_read_too_slowly_is_there_next_time(pool):
     assert sorted(pids(pool)) == before, "nobody was killed for it"
 
 
+def test_a_field_is_read_ahead(pool):
+    began = time.monotonic()
+    pool.prefetch(Path("slow"))
+    pool.prefetch(Path("broken"))
+    assert time.monotonic() - began < 0.3
+    wait_for(lambda: len(pids(pool)) == 2)
+    before = sorted(pids(pool))
+    assert pool.plan(Path("slow"), problem())["routes"]
+    assert sorted(pids(pool)) == before
+
+
 def test_more_requests_than_workers_wait_their_turn_and_too_many_are_refused(pool):
     answers, refused = [], []
 
