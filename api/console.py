@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -60,7 +61,7 @@ def comparison_table(answer: dict[str, Any]) -> Table:
     for name in ("", "shortest", "low uncertainty", "change"):
         table.add_column(name, justify="left" if not name else "right")
     chosen, shortest = answer["routes"][0], answer.get("shortest_baseline")
-    rows = [
+    rows: list[tuple[str, int, Callable[[dict[str, Any]], float | None]]] = [
         ("length [m]", 2, lambda r: r["length_m"]),
         ("duration [s]", 2, lambda r: r["duration_s"]),
         ("mean r95 [m]", 4, lambda r: r["uncertainty"]["mean_r95_m"]),
