@@ -137,11 +137,11 @@ def plan_from_walls(walls: FloatArray, reflectors: FloatArray) -> FloorPlan:
 
 
 def _enclosed(lines: BaseGeometry) -> BaseGeometry:
-    # Close openings: grow the walls until they meet, shrink them back, fill the halls that they surround.
+    # Close openings: grow the walls until they meet, fill what they surround, shrink the rim back to them.
     radius = OPENING_M / 2
     grown = shapely.buffer(lines, radius, quad_segs=_ARC_STEPS)
-    closed = shapely.buffer(grown, _HALF_WALL_M - radius, quad_segs=_ARC_STEPS)
-    filled = shapely.union_all([Polygon(p.exterior) for p in _polygons(closed)])
+    full = shapely.union_all([Polygon(p.exterior) for p in _polygons(grown)])
+    filled = shapely.buffer(full, _HALF_WALL_M - radius, quad_segs=_ARC_STEPS)
     # That also fillets the outside of corners; walls cut those slivers off, the rest is too thin to stay.
     cut = shapely.difference(filled, shapely.buffer(lines, _HALF_WALL_M))
     core = shapely.buffer(cut, -_THIN_M / 2, join_style="mitre")
