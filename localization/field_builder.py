@@ -196,7 +196,7 @@ def _checked_frame(world: World, resolution: float, max_cells: int) -> GridFrame
             enough = resolution * math.sqrt(cells / max_cells)
             raise FieldTooLarge(
                 f"At {resolution:g} m the field of '{world.name}' has {cells} cells, the limit is "
-                f"{max_cells}; use a resolution of {enough * 1.01:.2g} m or more."
+                f"{max_cells}; use a resolution of {enough * 1.02:.3g} m or more."
             )
     return world.grid_frame(resolution)
 
