@@ -197,10 +197,15 @@ def _spread_m(positions: FloatArray) -> float:
 
 def _faces_wall(world: World) -> IntArray:
     marks, floor = world.landmarks, world.floor
-    step = _BLINDS_M if isinstance(floor, FloorPlan) else _BLINDS_CELLS * floor.frame.resolution
     facing = np.where(marks.has_facing, marks.facing, 0.0)
-    ahead = marks.positions + step * np.stack([np.cos(facing), np.sin(facing)], axis=-1)
-    return np.asarray(np.nonzero(marks.has_facing & floor.opaque_at(ahead))[0])
+    normal = np.stack([np.cos(facing), np.sin(facing)], axis=-1)
+    if isinstance(floor, FloorPlan):
+        blind = floor.opaque_at(marks.positions + _BLINDS_M * normal)
+    else:
+        # One cell of its own wall may lie before a landmark; behind it there must be floor.
+        near, far = (marks.positions + k * floor.frame.resolution * normal for k in (1.0, _BLINDS_CELLS))
+        blind = floor.opaque_at(far) | (floor.opaque_at(near) & ~floor.free_at(far))
+    return np.asarray(np.nonzero(marks.has_facing & blind)[0])
 
 
 def _names(marks: LandmarkSet, which: IntArray) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from maps.arrays import BoolArray, FloatArray, digest, frozen
 from maps.errors import DuplicateLandmark, InvalidLandmark
@@ -111,20 +112,13 @@ class LandmarkSet:
             if name in seen:
                 raise DuplicateLandmark(f"Landmark id '{name}' is used twice (numbers {seen[name]} and {i}).")
             seen[name] = i
-        # Neighbours in x order suffice to find a coincident pair among few; the window is tiny.
-        order = (
-            np.argsort(self.positions[:, 0], kind="stable") if len(self.ids) else np.empty(0, dtype=np.int64)
-        )
-        for a in range(len(order)):
-            for b in range(a + 1, len(order)):
-                i, j = int(order[a]), int(order[b])
-                if self.positions[j, 0] - self.positions[i, 0] > COINCIDENT_M:
-                    break
-                if abs(self.positions[j, 1] - self.positions[i, 1]) <= COINCIDENT_M:
-                    raise DuplicateLandmark(
-                        f"Landmarks '{self.ids[i]}' and '{self.ids[j]}' both stand at "
-                        f"({self.positions[i, 0]:g}, {self.positions[i, 1]:g}) m; remove one."
-                    )
+        pair = _coincident(np.asarray(self.positions))
+        if pair is not None:
+            i, j = pair
+            raise DuplicateLandmark(
+                f"Landmarks '{self.ids[i]}' and '{self.ids[j]}' both stand at "
+                f"({self.positions[i, 0]:g}, {self.positions[i, 1]:g}) m; remove one."
+            )
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -158,3 +152,22 @@ class LandmarkSet:
             self.half_angle,
             self.sigma,
         )
+
+
+def _coincident(positions: FloatArray) -> tuple[int, int] | None:
+    """Two landmarks at one place, if there are any; the first such pair."""
+    n = len(positions)
+    if n < 2:
+        return None
+    # Exact copies apart: a tree of equal points degenerates.
+    _, first, inverse = np.unique(positions, axis=0, return_index=True, return_inverse=True)
+    copies = np.nonzero(first[inverse.reshape(-1)] != np.arange(n))[0]
+    if len(copies):
+        return int(first[inverse.reshape(-1)[copies[0]]]), int(copies[0])
+    distance, neighbour = KDTree(positions).query(positions, k=2, p=math.inf)
+    close = np.nonzero(distance[:, 1] <= COINCIDENT_M)[0]
+    if len(close) == 0:
+        return None
+    i = int(close[0])
+    j = int(neighbour[i, 1] if neighbour[i, 0] == i else neighbour[i, 0])
+    return min(i, j), max(i, j)
