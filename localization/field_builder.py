@@ -193,10 +193,12 @@ def _checked_frame(world: World, resolution: float, max_cells: int) -> GridFrame
             width, height = floor.frame.width_m, floor.frame.height_m
         cells = math.ceil(width / resolution - 1e-6) * math.ceil(height / resolution - 1e-6)
         if cells > max_cells:
-            enough = resolution * math.sqrt(cells / max_cells)
+            # Largest 1/resolution with (width/resolution + 1)(height/resolution + 1) ≤ max_cells.
+            half, area = 0.5 * (width + height), width * height
+            enough = area / max(math.sqrt(half**2 + area * (max_cells - 1)) - half, 1e-9)
             raise FieldTooLarge(
                 f"At {resolution:g} m the field of '{world.name}' has {cells} cells, the limit is "
-                f"{max_cells}; use a resolution of {enough * 1.02:.3g} m or more."
+                f"{max_cells}; use a resolution of {enough * 1.01:.3g} m or more."
             )
     return world.grid_frame(resolution)
 

@@ -388,7 +388,7 @@ def smallest_span(angles):
     return best
 
 
-def axes_of_three(angles, sensor, heading, steps=4001):
+def axes_of_three(angles, sensor, heading, steps=1501):
     """Every optical axis (in W) that a triplet allows, finely sampled with all ends; middle of its span."""
     first, span = smallest_span(angles)
     fov = sensor.field_of_view
@@ -397,9 +397,8 @@ def axes_of_three(angles, sensor, heading, steps=4001):
     low, high = first + span - fov / 2, first + fov / 2
     middle = first + span / 2
     candidates = [*np.linspace(low, max(low, high), steps), middle]
-    for limit in (sensor.pan_min, sensor.pan_max):
-        for turn in (-2, -1, 0, 1, 2):
-            candidates.append(heading + limit + turn * 2 * math.pi)
+    turns = [turn * 2 * math.pi for turn in (-2, -1, 0, 1, 2)]
+    candidates += [heading + limit + turn for limit in (sensor.pan_min, sensor.pan_max) for turn in turns]
     width = sensor.pan_max - sensor.pan_min
     allowed = []
     for axis in candidates:
