@@ -13,14 +13,16 @@ import numpy.typing as npt
 
 from maps.arrays import FloatArray
 from planner.cost_space import CostSpace
-from planner.curve import Curve, CurveCheck, check_curve, curve_through, time_curve
+from planner.curve import Curve, check_curve, curve_through, time_curve
 from planner.example_space import example_space
 from planner.offsets import OffsetModel
 from planner.result import Trajectory
 from planner.timing import at_rest, distinct_points, require_limits, time_polyline
 
-#: A smoothed path may cost this share more than the polyline that it replaces.
-COST_SLACK = 1e-3
+#: A smoothed path never costs more than this share above the polyline that it replaces.
+COST_SLACK = 0.05
+#: Within this share the fastest smooth path is taken; above it, where nothing is within, the cheapest.
+CLOSE_SLACK = 1e-3
 # A path whose pieces turn less than this against the whole is a straight line, rad.
 _STRAIGHT_RAD = 1e-6
 # Weights of bending that are tried, as shares of the rate at the curvature where full speed is just possible.
@@ -36,6 +38,8 @@ _REPAIRS = 4
 _WIDEN_SHARE = 1.5
 _WIDEN_M = 0.003
 _WIDEN_FORBIDDEN_M = 0.01
+# Lower weights are not tried when the last one saved less than this share of the cost.
+_LEAST_SAVING = 2e-4
 # Added to the matrix, so that directions without any cost stay where they are.
 _DAMPING = 1e-6
 
@@ -77,8 +81,10 @@ def smooth(
     Stations of a smooth reference line are moved along its normals inside a corridor. What is minimised is
     ``∫ rate ds + bend ∫ κ² ds`` (and a little change of curvature), by Gauss–Newton steps, each a quadratic
     programme with bounds that CasADi's piqp solves. A C² spline through the stations is timed exactly under
-    ``|v| ≤ max_speed`` and ``|a| ≤ max_accel``. Several weights ``bend`` are tried; the fastest verified
-    candidate within the cost limit is returned.
+    ``|v| ≤ max_speed`` and ``|a| ≤ max_accel``. Several weights ``bend`` are tried. Of the candidates that
+    pass the checks, the fastest that costs at most 1.001 times the polyline is returned; where there is
+    none, because the polyline winds through cells as no smooth curve can, the cheapest that costs at most
+    1.05 times as much.
 
     Parameters
     ----------
@@ -91,7 +97,7 @@ def smooth(
     deadline_at
         ``time.monotonic()`` after which nothing new is begun, s; None: no limit.
     cost_limit
-        The smooth path may not cost more; it may also not cost more than 1.001 times the polyline.
+        The smooth path may not cost more than this either.
 
     Returns
     -------
@@ -108,23 +114,24 @@ def smooth(
     began = time.monotonic()
     p = distinct_points(points)
     require_limits(max_speed, max_accel)
-    limit = (1.0 + COST_SLACK) * cost_space.line_cost(p)
-    if not math.isfinite(limit):
+    cost = cost_space.line_cost(p)
+    if not math.isfinite(cost):
         fallback = time_polyline(p, max_speed=max_speed, max_accel=max_accel)
         return SmoothResult(ok=False, trajectory=fallback, reason="the path itself is not allowed")
-    if cost_limit is not None:
-        limit = min(limit, cost_limit)
+    limit = min((1.0 + COST_SLACK) * cost, math.inf if cost_limit is None else cost_limit)
     deadline = math.inf if deadline_at is None else deadline_at
-    search = _Search(cost_space, max_speed, max_accel, limit, deadline)
+    close = min((1.0 + CLOSE_SLACK) * cost, limit)
+    search = _Search(cost_space, max_speed, max_accel, limits=(close, limit), deadline=deadline)
     if len(p) == 1 or _is_straight(p):
         search.offer_straight(p)
     else:
         search.run(p)
-    stats = search.stats | {"cost_limit": limit, "seconds": time.monotonic() - began}
-    if search.best is None:
+    stats = {"cost_limit": limit, "programmes": search.programmes, "seconds": time.monotonic() - began}
+    best = search.best
+    if best is None:
         fallback = time_polyline(p, max_speed=max_speed, max_accel=max_accel)
         return SmoothResult(ok=False, trajectory=fallback, reason=search.reason, stats=stats)
-    return SmoothResult(ok=True, trajectory=search.best, stats=stats)
+    return SmoothResult(ok=True, trajectory=best.trajectory, stats=stats | {"cost": best.cost})
 
 
 def warm_up() -> None:
@@ -144,18 +151,33 @@ def _is_straight(p: FloatArray) -> bool:
     return bool(np.all(across <= _STRAIGHT_RAD * along))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Candidate:
+    """A verified trajectory and the cost of the polyline of its samples."""
+
+    trajectory: Trajectory
+    cost: float
+
+
 class _Search:
     """Candidates for one path and the best of them so far."""
 
     def __init__(
-        self, space: CostSpace, max_speed: float, max_accel: float, limit: float, deadline: float
+        self,
+        space: CostSpace,
+        max_speed: float,
+        max_accel: float,
+        *,
+        limits: tuple[float, float],
+        deadline: float,
     ) -> None:
-        self.best: Trajectory | None = None
+        self.best: _Candidate | None = None
         self.reason = "the deadline came first"
-        self.stats: dict[str, float] = {"programmes": 0.0}
+        self.programmes = 0.0
         self._space = space
         self._max_speed, self._max_accel = max_speed, max_accel
-        self._limit, self._deadline = limit, deadline
+        self._close, self._limit = limits
+        self._deadline = deadline
 
     def offer_straight(self, p: FloatArray) -> None:
         """A straight path needs no smoothing."""
@@ -164,10 +186,9 @@ class _Search:
         if cost > self._limit:
             self.reason = f"the path costs {cost:.4f}, allowed is {self._limit:.4f}"
             return
-        self.best = at_rest(p[0])
-        if len(p) > 1:
-            self.best = time_polyline(ends, max_speed=self._max_speed, max_accel=self._max_accel)
-        self.stats["cost"] = cost
+        still = at_rest(p[0])
+        moving = time_polyline(ends, max_speed=self._max_speed, max_accel=self._max_accel)
+        self.best = _Candidate(moving if len(p) > 1 else still, cost)
 
     def run(self, p: FloatArray) -> None:
         """Offsets from a line beside the path, then beside the result; at last closer stations."""
@@ -177,7 +198,7 @@ class _Search:
         first = OffsetModel(self._space, p, spacing=spacing, sigma=_SIGMA_M, solver=_solve_box)
         unit = first.mean_rate * (self._max_speed**2 / self._max_accel) ** 2
         path = first.optimise(_BENDS[_FIRST_BEND] * unit, self._is_late)
-        self.stats["programmes"] += first.n_solved
+        self.programmes += first.n_solved
         self._sweep(path, spacing, unit)
         if self.best is None and not self._is_late():
             self._sweep(p, max(_LEAST_SPACING_M, length / _MAX_STATIONS), unit)
@@ -186,29 +207,36 @@ class _Search:
         """Weights of bending upwards while that helps, else downwards until one fits; then one between."""
         model = OffsetModel(self._space, path, spacing=spacing, sigma=_SIGMA_AGAIN_M, solver=_solve_box)
         last = _BENDS[_FIRST_BEND] * unit
-        improved = self._try_bend(model, last)
+        cost, improved = self._try_bend(model, last)
         for share in _BENDS[_FIRST_BEND + 1 :] if improved else _BENDS[_FIRST_BEND - 1 :: -1]:
             bend = share * unit
             if self._is_late():
                 break
-            if self._try_bend(model, bend) != improved:
+            before = cost
+            cost, fits = self._try_bend(model, bend)
+            if fits != improved:
                 self._try_bend(model, math.sqrt(bend * last))
                 break
+            if not improved and cost > (1.0 - _LEAST_SAVING) * before:
+                break
             last = bend
-        self.stats["programmes"] += model.n_solved
+        self.programmes += model.n_solved
 
     def _is_late(self) -> bool:
         return time.monotonic() >= self._deadline
 
-    def _try_bend(self, model: OffsetModel, bend: float) -> bool:
-        """Optimise, repair what misses its clearance, and offer the result; whether it became the best."""
+    def _try_bend(self, model: OffsetModel, bend: float) -> tuple[float, bool]:
+        """Optimise, repair what misses its clearance, offer the result.
+
+        Its cost (inf when it is not valid), and whether it became the best and is close to the polyline's.
+        """
         for attempt in range(1 + _REPAIRS):
             if self._is_late():
-                return False
+                break
             curve = curve_through(model.optimise(bend, self._is_late))
             check = check_curve(curve, self._space)
             if check.is_valid:
-                return self._offer(curve, check)
+                return check.cost, self._offer(curve, check.cost)
             self.reason = check.complaint()
             if attempt < _REPAIRS:
                 missing = np.where(
@@ -216,22 +244,29 @@ class _Search:
                 )
                 bad = np.flatnonzero(missing > 0.0)
                 model.widen(curve.s[bad] / curve.length, missing[bad] + _WIDEN_M)
-        return False
+        return math.inf, False
 
-    def _offer(self, curve: Curve, check: CurveCheck) -> bool:
-        if check.cost > self._limit:
-            self.reason = f"the smooth path costs {check.cost:.4f}, allowed is {self._limit:.4f}"
+    def _offer(self, curve: Curve, cost: float) -> bool:
+        """Take a valid curve if it is the best so far; whether it is, and close to the polyline's cost."""
+        best = self.best
+        ceiling = self._limit if best is None else max(best.cost, self._close)
+        if cost > ceiling:
+            self.reason = f"the smooth path costs {cost:.4f}, allowed is {ceiling:.4f}"
             return False
         trajectory = time_curve(curve, max_speed=self._max_speed, max_accel=self._max_accel)
         cost = self._space.line_cost(trajectory.points)
         if cost > self._limit:
             self.reason = f"the samples of the smooth path cost {cost:.4f}, allowed is {self._limit:.4f}"
             return False
-        if self.best is not None and trajectory.duration >= self.best.duration:
-            return False
-        self.best = trajectory
-        self.stats["cost"] = cost
-        return True
+        new = _Candidate(trajectory, cost)
+        if best is None or self._rank(new) < self._rank(best):
+            self.best = new
+            return cost <= self._close
+        return False
+
+    def _rank(self, candidate: _Candidate) -> tuple[bool, float]:
+        far = candidate.cost > self._close
+        return far, candidate.cost if far else candidate.trajectory.duration
 
 
 class _BoxProgramme:
