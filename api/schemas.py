@@ -151,7 +151,7 @@ class FieldIn(Request):
     sensor: SensorOrPreset = Field(
         description="The sensor, or a preset: laser (0.1°, 30 m) or mas97 (the paper's camera)."
     )
-    resolution_m: Positive = Field(default=0.1, description="Side of a cell, m.", le=100)
+    resolution_m: Finite = Field(default=0.1, description="Side of a cell, m.", ge=0.001, le=100)
     heading_rad: Finite = Field(
         default=0.0,
         description="Heading of the robot; matters for limited pan heads only.",
@@ -175,8 +175,8 @@ class RobotIn(Request):
     """A disc that can drive in every direction."""
 
     radius_m: NotNegative = Field(description="Radius of the disc, m.", examples=[0.35])
-    max_speed_m_s: Positive = Field(default=1.2, description="Largest speed, m/s.")
-    max_accel_m_s2: Positive = Field(default=0.8, description="Largest acceleration, m/s².")
+    max_speed_m_s: Finite = Field(default=1.2, ge=0.001, le=50, description="Largest speed, m/s.")
+    max_accel_m_s2: Finite = Field(default=0.8, ge=0.001, le=50, description="Largest acceleration, m/s².")
 
 
 class ObjectiveIn(Request):
