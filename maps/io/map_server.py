@@ -136,7 +136,7 @@ def _threshold(document: dict[Any, Any], key: str) -> float:
 
 
 def _negate(value: object) -> bool:
-    if isinstance(value, bool) or value in {0, 1}:
+    if isinstance(value, (bool, int, float)) and value in {0, 1}:
         return bool(value)
     raise MapFormatError(f"The map YAML's negate is {shown(value)}; it must be 0 or 1.")
 

@@ -101,11 +101,13 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mi
     """Safe loader that refuses a key given twice."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:  # noqa: FBT001, FBT002
-        keys = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
-        twice = next((key for i, key in enumerate(keys) if key in keys[:i]), None)
-        if twice is not None:
-            message = f"the key {shown(twice)} is given twice"
-            raise yaml.constructor.ConstructorError(None, None, message, node.start_mark)
+        seen: set[str] = set()
+        scalars = [key for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
+        for key in scalars:
+            if key.value in seen:
+                message = f"the key {shown(key.value)} is given twice"
+                raise yaml.constructor.ConstructorError(None, None, message, key.start_mark)
+            seen.add(key.value)
         return dict(super().construct_mapping(node, deep=deep))
 
 
@@ -166,8 +168,9 @@ def members(
     allowed = [*required, *optional]
     for key in value:
         if key not in allowed:
+            name = key if isinstance(key, str) and key.isidentifier() else shown(key)
             raise MapFormatError(
-                f"{where}.{str(key)[:_LONGEST_SHOWN]} is not allowed; allowed here: {', '.join(allowed)}."
+                f"{where}.{name[:_LONGEST_SHOWN]} is not allowed; allowed here: {', '.join(allowed)}."
             )
     for key in required:
         if key not in value:

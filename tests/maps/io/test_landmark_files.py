@@ -1,10 +1,14 @@
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 
 import numpy as np
 import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from maps.errors import DuplicateLandmark, InvalidLandmark, MapError, MapFormatError, MapTooLarge
 from maps.io import landmark_files
@@ -165,6 +169,34 @@ def test_yaml_mistakes_name_number_and_value(text, error, says):
 def test_geojson_mistakes_name_the_place(feature, says):
     with pytest.raises(MapFormatError, match=says):
         read(json.dumps({"type": "FeatureCollection", "features": [feature]}), "geojson")
+
+
+keys = st.sampled_from(["id", "x", "y", "x_m", "facing_deg", "half_angle_rad", "sigma_m", "z", 5])
+values = (
+    st.none()
+    | st.booleans()
+    | st.floats()
+    | st.text(max_size=3)
+    | st.integers()
+    | st.lists(st.integers(), max_size=2)
+)
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(st.dictionaries(keys, values, max_size=6) | values, max_size=3))
+def test_any_list_gives_landmarks_or_an_error_of_the_map_layer(rows):
+    good = [{"id": "good", "x": 7, "y": 8}]
+    with contextlib.suppress(MapError):
+        assert len(read(yaml.safe_dump(good + rows, allow_unicode=True), "yaml")) == 1 + len(rows)
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.text(alphabet='idxy,;\t\n"01.-e ', max_size=40))
+def test_any_text_gives_landmarks_or_an_error_of_the_map_layer(text):
+    with contextlib.suppress(MapError):
+        read("id,x,y\n" + text)
+    with contextlib.suppress(MapError):
+        read(text)
 
 
 def test_limits_and_formats(monkeypatch):
