@@ -6,6 +6,7 @@ import hashlib
 import json
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -27,9 +28,23 @@ def engine_version() -> str:
         return "0"
 
 
+@dataclass(frozen=True, slots=True)
+class FieldLabel:
+    """What an answer says of the field that it was planned on: ids, and names of its landmarks."""
+
+    map_id: str
+    field_id: str
+    landmarks: tuple[str, ...]
+
+    @classmethod
+    def of(cls, field: UncertaintyField) -> FieldLabel:
+        """The label of a field."""
+        return cls("m_" + field.world.content_hash(), "f_" + field.content_hash(), field.world.landmarks.ids)
+
+
 def plan_to_json(
     result: PlanResult,
-    field: UncertaintyField,
+    field: UncertaintyField | FieldLabel,
     *,
     problem: PlanningProblem,
     client_ref: str | None = None,
@@ -40,7 +55,7 @@ def plan_to_json(
     Parameters
     ----------
     result, field, problem
-        What was found, on what, for which question.
+        What was found, on what (or its label), for which question.
     client_ref
         Comes back as given.
     warnings
@@ -51,11 +66,12 @@ def plan_to_json(
     answer
         JSON-able; ``plan`` is ``p_`` and a hash of everything else; unknown numbers are None.
     """
-    names = field.world.landmarks.ids
+    label = field if isinstance(field, FieldLabel) else FieldLabel.of(field)
+    names = label.landmarks
     answer: dict[str, Any] = {
         "status": result.status.value,
-        "map": "m_" + field.world.content_hash(),
-        "field": "f_" + field.content_hash(),
+        "map": label.map_id,
+        "field": label.field_id,
         "planner": result.planner,
         "engine": engine_version(),
         "client_ref": client_ref,

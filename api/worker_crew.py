@@ -11,6 +11,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Pipe, wait
 
+from api.worker_orders import Loaded
 from api.worker_process import State, TimedOut, Worker, WorkerDied, WorkerError
 from localization.errors import Cancelled
 
@@ -32,12 +33,14 @@ class Turn:
     spoilt
         It is killed and replaced.
     detached
-        Nobody waits for its answer any more; it is free when it is done.
+        Nobody waits for its answer any more; it is free when it is done, or killed when it takes longer
+        than ``patience``, s.
     """
 
     worker: Worker
     spoilt: bool = False
     detached: bool = False
+    patience: float = 1.0
 
 
 class WorkerCrew:
@@ -154,7 +157,7 @@ class WorkerCrew:
         try:
             yield turn
         except (WorkerDied, TimedOut):
-            turn.spoilt = True
+            turn.spoilt = not turn.detached
             raise
         finally:
             if build:
@@ -163,7 +166,7 @@ class WorkerCrew:
             if turn.spoilt:
                 self._discard(turn.worker)
             elif turn.detached:
-                threading.Thread(target=self._finish, args=(turn.worker,), daemon=True).start()
+                threading.Thread(target=self._finish, args=(turn,), daemon=True).start()
             else:
                 self._release(turn.worker)
 
@@ -211,18 +214,20 @@ class WorkerCrew:
             worker.state = State.IDLE
             self._changed.notify_all()
 
-    def _finish(self, worker: Worker) -> None:
+    def _finish(self, turn: Turn) -> None:
         """Wait for a task that nobody waits for any more."""
-        while True:
+        ends_at = time.monotonic() + turn.patience
+        while (left := ends_at - time.monotonic()) > 0:
             try:
-                kind, payload = worker.receive(1.0)
+                kind, payload = turn.worker.receive(min(left, 1.0))
             except WorkerDied:
-                self._discard(worker)
-                return
+                break
             if kind in {"done", "error", "crash"}:
-                worker.loaded = payload if kind == "done" else worker.loaded
-                self._release(worker)
+                if isinstance(payload, Loaded):
+                    turn.worker.loaded = payload.kept
+                self._release(turn.worker)
                 return
+        self._discard(turn.worker)
 
     def _discard(self, worker: Worker) -> None:
         worker.reap()

@@ -1,10 +1,11 @@
-"""What the service asks of its workers."""
+"""What the service asks of its workers, and what they say of themselves."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
 
+from api.codec_plan import FieldLabel
 from localization.sensors import Sensor
 
 
@@ -41,3 +42,19 @@ class UploadLimits:
     pixels: int
     landmarks: int
     memory: int
+
+
+@dataclass(frozen=True, slots=True)
+class Loaded:
+    """A field that a worker has ready.
+
+    Attributes
+    ----------
+    label
+        Ids and landmarks.
+    kept
+        Names of all fields that the worker has in memory now.
+    """
+
+    label: FieldLabel
+    kept: frozenset[str]

@@ -9,15 +9,16 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from api.codec import parse_json, plan_to_json
+from api.codec import parse_json
+from api.codec_plan import FieldLabel, plan_to_json
 from api.settings import LimitExceeded
 from api.store_files import read_field, read_world, write_field
 from api.worker_main import Channel, Program
-from api.worker_orders import FieldOrder, UploadLimits
+from api.worker_orders import FieldOrder, Loaded, UploadLimits
 from localization import field_builder
 from localization.errors import LocalizationError
 from maps.errors import MapTooLarge
@@ -29,10 +30,10 @@ from maps.world import World
 from planner import plan as planning
 from planner.context import PlanningContext
 from planner.problem import MIN_DEADLINE_S, PlanningProblem
-from planner.result import PlanResult, PlanStatus
 
 T = TypeVar("T")
-_CONTEXTS = "contexts"
+_FIELDS = "fields"
+_ENCODING_S = 0.15
 #: A context takes about so much for each cell, with the caches that plans fill, bytes.
 _CONTEXT_BYTES_PER_CELL = 150
 _LOW_PRIORITY = 10
@@ -87,25 +88,34 @@ def _in_background(work: Callable[[], T]) -> T:
         return pool.submit(work).result()
 
 
-def load(channel: Channel, path: Path, keep_bytes: int) -> frozenset[str]:
-    """Make a field ready for planning; returns the names of all that are in memory now.
+@dataclass(frozen=True, slots=True)
+class _Ready:
+    context: PlanningContext
+    label: FieldLabel
+
+    @property
+    def size(self) -> int:
+        n_rows, n_cols = self.context.field.frame.shape
+        return n_rows * n_cols * _CONTEXT_BYTES_PER_CELL
+
+
+def load(channel: Channel, path: Path, keep_bytes: int) -> Loaded:
+    """Make a field ready for planning, and forget those that were not used for longest.
 
     Raises
     ------
     FieldFormatError
         If there is no readable field.
     """
-    contexts: dict[str, PlanningContext] = channel.memory.setdefault(_CONTEXTS, {})
-    context = contexts.pop(path.name, None) or PlanningContext(read_field(path))
-    contexts[path.name] = context  # the newest is last
-    while len(contexts) > 1 and sum(map(_context_bytes, contexts.values())) > keep_bytes:
-        del contexts[next(iter(contexts))]
-    return frozenset(contexts)
-
-
-def _context_bytes(context: PlanningContext) -> int:
-    n_rows, n_cols = context.field.frame.shape
-    return n_rows * n_cols * _CONTEXT_BYTES_PER_CELL
+    kept: dict[str, _Ready] = channel.memory.setdefault(_FIELDS, {})
+    ready = kept.pop(path.name, None)
+    if ready is None:
+        field = read_field(path)
+        ready = _Ready(PlanningContext(field), FieldLabel.of(field))
+    kept[path.name] = ready  # the newest is last
+    while len(kept) > 1 and sum(r.size for r in kept.values()) > keep_bytes:
+        del kept[next(iter(kept))]
+    return Loaded(ready.label, frozenset(kept))
 
 
 def plan(
@@ -118,24 +128,21 @@ def plan(
 ) -> dict[str, Any]:
     """Plan on a field that was loaded before; the answer of ``POST /v1/plans``.
 
-    Reports an answer without a route at once, and then each one that is better.
+    Reports each result that is better than the one before.
 
     Raises
     ------
     PlannerError
         If the question is wrong.
     """
-    contexts: dict[str, PlanningContext] = channel.memory[_CONTEXTS]
-    context = contexts[path.name]
-
-    def encode(result: PlanResult) -> dict[str, Any]:
-        return plan_to_json(result, context.field, problem=problem, client_ref=client_ref, warnings=warnings)
-
-    channel.report(encode(PlanResult(PlanStatus.TIMEOUT, None, None, None, "none")))
-    # What waiting and loading took is gone; the request in the answer stays as it was asked.
-    left = max(MIN_DEADLINE_S, ends_at - time.monotonic())
+    ready: _Ready = channel.memory[_FIELDS][path.name]
+    # What waiting and loading took is gone, and encoding takes its share; the request in the answer stays
+    # as it was asked.
+    left = ends_at - time.monotonic()
+    left = max(MIN_DEADLINE_S, left - min(_ENCODING_S, 0.1 * left))
     hurried = replace(problem, deadline=min(problem.deadline, left))
-    return encode(planning.plan(hurried, context, report=lambda result: channel.report(encode(result))))
+    result = planning.plan(hurried, ready.context, report=channel.report)
+    return plan_to_json(result, ready.label, problem=problem, client_ref=client_ref, warnings=warnings)
 
 
 def parse(channel: Channel, parts: dict[str, Any], limits: UploadLimits) -> World:  # noqa: ARG001

@@ -1,7 +1,7 @@
 """The pool of worker processes: fields, plans and uploads are computed there, never in the service.
 
 One worker is always kept for plans and uploads, so that computing fields never blocks them. A worker that
-dies, or that is still at a plan 0.25 s after its deadline, is replaced.
+dies, or hangs, is replaced.
 """
 
 from __future__ import annotations
@@ -13,14 +13,15 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from api.codec_plan import seal
+from api.codec_plan import FieldLabel, plan_to_json
 from api.settings import Settings
 from api.worker_crew import Overloaded, Turn, WorkerCrew
-from api.worker_orders import FieldOrder, UploadLimits
+from api.worker_orders import FieldOrder, Loaded, UploadLimits
 from api.worker_process import TaskCrashed, TimedOut, WorkerDied, WorkerError
 from maps.errors import MapTooLarge, SurepathError
 from maps.world import World
 from planner.problem import PlanningProblem
+from planner.result import PlanResult, PlanStatus
 
 if TYPE_CHECKING:
     from api.uploads import Upload
@@ -28,8 +29,10 @@ if TYPE_CHECKING:
 __all__ = ["FieldOrder", "Overloaded", "TaskCrashed", "WorkerDied", "WorkerError", "WorkerPool"]
 
 PROGRAM = "api.worker_tasks:PROGRAM"
-#: After its deadline a plan has so long to hand over what it has, s.
-KILL_AFTER_S = 0.25
+#: So long after the deadline of a plan its last report becomes the answer, s.
+HARD_AFTER_S = 0.25
+#: Reading a field goes on for so long after the request that wanted it is gone, s.
+LOAD_PATIENCE_S = 120.0
 
 
 class WorkerPool:
@@ -79,8 +82,8 @@ class WorkerPool:
     ) -> dict[str, Any]:
         """Answer of ``POST /v1/plans``, at most 0.5 s after the problem's deadline.
 
-        Waiting for a worker and reading the field count. A worker that is late is killed, and its last
-        report is the answer, with a warning.
+        Waiting for a worker and reading the field count. When a worker is 0.25 s late, its last report is
+        the answer, with a warning; if it does not end by itself soon, it is killed.
 
         Parameters
         ----------
@@ -104,8 +107,8 @@ class WorkerPool:
         """
         ends_at = time.monotonic() + problem.deadline
         with self._crew.turn(ends_at, prefer=field_path.name) as turn:
-            self._load(turn, field_path, ends_at)
-            reports: list[dict[str, Any]] = []
+            label = self._load(turn, field_path, ends_at)
+            reports: list[PlanResult] = []
             arguments = {
                 "path": field_path,
                 "problem": problem,
@@ -115,30 +118,37 @@ class WorkerPool:
             }
             try:
                 answer: dict[str, Any] = turn.worker.ask(
-                    "plan", arguments, ends_at=ends_at + KILL_AFTER_S, on_report=reports.append
+                    "plan", arguments, ends_at=ends_at + HARD_AFTER_S, on_report=reports.append
                 )
             except TimedOut:
-                turn.spoilt = True
-                if not reports:
-                    raise WorkerDied("The worker hung before it could answer; try again.") from None
-                return _with_warning(reports[-1], "The planner was stopped after the deadline.")
+                # It may be about to end by itself: cheaper than a new process.
+                turn.detached = True
+                said = "The planner was stopped after the deadline."
+                last = reports[-1] if reports else PlanResult(PlanStatus.TIMEOUT, None, None, None, "none")
             except WorkerDied:
                 turn.spoilt = True
-                if not (reports and reports[-1]["routes"]):
+                if not reports or reports[-1].route is None:
                     raise
-                return _with_warning(reports[-1], "The planner ended unexpectedly.")
-            return answer
+                said = "The planner ended unexpectedly."
+                last = reports[-1]
+            else:
+                return answer
+        last = dataclasses.replace(last, warnings=(*last.warnings, said))
+        return plan_to_json(last, label, problem=problem, client_ref=client_ref, warnings=warnings)
 
-    def _load(self, turn: Turn, path: Path, ends_at: float) -> None:
+    def _load(self, turn: Turn, path: Path, ends_at: float) -> FieldLabel:
         arguments = {"path": path, "keep_bytes": self._settings.cache_bytes}
         try:
-            turn.worker.loaded = turn.worker.ask("load", arguments, ends_at=ends_at)
+            loaded: Loaded = turn.worker.ask("load", arguments, ends_at=ends_at)
         except TimedOut:
             # Reading goes on, so that the next plan finds the field there.
             turn.detached = True
+            turn.patience = LOAD_PATIENCE_S
             raise Overloaded(
                 "The field is still being read by the planner; try again, or with a longer deadline."
             ) from None
+        turn.worker.loaded = loaded.kept
+        return loaded.label
 
     def prefetch(self, field_path: Path) -> None:
         """Have an idle worker, if there is one, make a field ready for plans to come. Returns at once."""
@@ -203,7 +213,3 @@ class WorkerPool:
                 "build", {"order": order}, on_progress=on_progress, cancelled=cancelled
             )
             return result
-
-
-def _with_warning(answer: dict[str, Any], warning: str) -> dict[str, Any]:
-    return seal({**answer, "warnings": [*answer["warnings"], warning]})

@@ -118,12 +118,16 @@ def test_contexts_are_kept_by_use_and_memory(tmp_path):
     for name in ("a", "b"):
         write_field(synthetic_field(world_from_ascii(ROOM)), tmp_path / name)
     one = 7 * 12 * 150
-    assert worker_tasks.load(line.channel(), tmp_path / "a", 2 * one) == {"a"}
-    kept = line.memory["contexts"]["a"]
-    assert worker_tasks.load(line.channel(), tmp_path / "b", 2 * one) == {"a", "b"}
-    assert worker_tasks.load(line.channel(), tmp_path / "a", 2 * one) == {"a", "b"}
-    assert line.memory["contexts"]["a"] is kept
-    assert worker_tasks.load(line.channel(), tmp_path / "a", one) == {"a"}
+
+    def load(name, limit):
+        return worker_tasks.load(line.channel(), tmp_path / name, limit).kept
+
+    assert load("a", 2 * one) == {"a"}
+    kept = line.memory["fields"]["a"]
+    assert load("b", 2 * one) == {"a", "b"}
+    assert load("a", 2 * one) == {"a", "b"}
+    assert line.memory["fields"]["a"] is kept
+    assert load("a", one) == {"a"}
 
 
 def test_a_plan_is_encoded_with_the_question_as_asked(tmp_path):
@@ -137,8 +141,8 @@ def test_a_plan_is_encoded_with_the_question_as_asked(tmp_path):
     assert answer["status"] in {"exact", "approximate"}
     assert answer["request"]["deadline_s"] == 5.0
     assert (answer["client_ref"], answer["warnings"][0]) == ("ref", "clamped")
-    kind, first = line.sent[0]
-    assert (kind, first["status"], first["routes"]) == ("report", "timeout", [])
+    assert {kind for kind, _ in line.sent} <= {"report"}
+    assert all(result.route is not None for _, result in line.sent)
     json.dumps(answer, allow_nan=False)
     outside = PlanningProblem((1.6, 1.6), (99.0, 1.6), 0.1)
     with pytest.raises(GoalOutsideMap):

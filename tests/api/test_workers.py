@@ -72,7 +72,7 @@ def gone(pid):
 
 def test_a_plan_comes_back_and_the_worker_that_knows_the_field_is_asked_again(pool):
     first = pool.plan(FIELD, problem())
-    assert first["routes"] == [{"n": 3}]
+    assert first["grid_cost"] == 3
     assert 4.0 < first["left"] <= 5.0
     assert {pool.plan(FIELD, problem())["pid"] for _ in range(4)} == {first["pid"]}
 
@@ -90,27 +90,40 @@ def test_mistakes_and_bugs_come_back_and_cost_no_worker(pool):
 
 
 def test_a_plan_that_hangs_answers_with_its_last_report(pool):
+    before = pids(pool)
     began = time.monotonic()
-    answer = pool.plan(FIELD, problem(0.4), client_ref="hang")
+    answer = pool.plan(FIELD, problem(0.4), client_ref="hang", warnings=["clamped"])
     took = time.monotonic() - began
     assert 0.6 < took < 0.4 + 0.5
-    assert answer["routes"] == [{"n": 2}]
-    assert answer["warnings"] == ["first", "The planner was stopped after the deadline."]
+    assert (answer["grid_cost"], answer["status"], len(answer["routes"])) == (2.0, "exact", 1)
+    assert answer["warnings"] == ["clamped", "first", "The planner was stopped after the deadline."]
+    assert (answer["field"], answer["client_ref"]) == ("f_1", "hang")
     assert answer["plan"].startswith("p_")
-    assert len(pids(pool)) == 1, "one is left while the other is replaced"
+    assert len(pids(pool)) == 1, "one is left until the other is replaced"
     assert pool.ready
-    assert pool.plan(FIELD, problem())["routes"] == [{"n": 3}]
+    assert pool.plan(FIELD, problem())["grid_cost"] == 3
+    wait_for(lambda: len(pids(pool)) == 2)
+    assert len(set(before) & set(pids(pool))) == 1, "the one that hung was killed"
+
+
+def test_a_plan_that_is_only_late_costs_no_worker(pool):
+    before = sorted(pids(pool))
+    assert pool.plan(FIELD, problem(0.2), client_ref="late")["grid_cost"] == 1.0
+    wait_for(lambda: len(pids(pool)) == 2)
+    assert sorted(pids(pool)) == before
+    assert pool.plan(FIELD, problem())["grid_cost"] == 3, "the late answer is not taken for another one's"
 
 
 def test_a_plan_that_hangs_at_once_answers_without_a_route(pool):
-    assert pool.plan(FIELD, problem(0.1), client_ref="hang at once")["routes"] == []
+    answer = pool.plan(FIELD, problem(0.1), client_ref="hang at once")
+    assert (answer["status"], answer["routes"]) == ("timeout", [])
 
 
 def test_a_worker_that_dies_answers_with_its_last_route_or_says_so(pool):
     with pytest.raises(WorkerDied):
         pool.plan(FIELD, problem(), client_ref="die")
     answer = pool.plan(FIELD, problem(), client_ref="die late")
-    assert answer["routes"] == [{"n": 1}]
+    assert answer["grid_cost"] == 1.0
     assert "unexpectedly" in answer["warnings"][-1]
 
 
@@ -118,7 +131,7 @@ def test_an_idle_worker_that_is_killed_is_replaced(pool):
     before = pids(pool)
     os.kill(before[0], signal.SIGKILL)
     wait_for(lambda: len(pids(pool)) == 2 and before[0] not in pids(pool))
-    assert pool.plan(FIELD, problem())["routes"]
+    assert pool.plan(FIELD, problem())["grid_cost"] == 3
 
 
 def test_a_field_that_is_read_too_slowly_is_there_next_time(pool):
@@ -126,7 +139,7 @@ def test_a_field_that_is_read_too_slowly_is_there_next_time(pool):
         pool.plan(Path("slow"), problem(0.1))
     wait_for(lambda: len(pids(pool)) == 2)
     before = sorted(pids(pool))
-    assert pool.plan(Path("slow"), problem())["routes"]
+    assert pool.plan(Path("slow"), problem())["grid_cost"] == 3
     assert sorted(pids(pool)) == before, "nobody was killed for it"
 
 
@@ -137,7 +150,7 @@ def test_a_field_is_read_ahead(pool):
     assert time.monotonic() - began < 0.3
     wait_for(lambda: len(pids(pool)) == 2)
     before = sorted(pids(pool))
-    assert pool.plan(Path("slow"), problem())["routes"]
+    assert pool.plan(Path("slow"), problem())["grid_cost"] == 3
     assert sorted(pids(pool)) == before
 
 

@@ -7,12 +7,18 @@ import signal
 import time
 from pathlib import Path
 
+import numpy as np
+
+from api.codec_plan import FieldLabel
 from api.store_files import read_world, write_field
 from api.worker_main import Program
+from api.worker_orders import Loaded
 from api.worker_process import WorkerError
 from localization.errors import Cancelled, InvalidSensor
 from maps.errors import MapFormatError
 from planner.errors import GoalOccupied
+from planner.result import Path as Path2D
+from planner.result import PlanResult, PlanStatus, Route, RouteSummary, Trajectory
 from tests.fields import synthetic_field
 
 
@@ -20,14 +26,18 @@ def nothing():
     pass
 
 
-def answer(n, routes=True):
-    return {
-        "plan": "",
-        "request": {},
-        "engine": "1",
-        "routes": [{"n": n}] if routes else [],
-        "warnings": ["first"],
-    }
+def result(n, route=True):
+    return PlanResult(
+        PlanStatus.EXACT, flat_route() if route else None, None, float(n), "test", warnings=("first",)
+    )
+
+
+def flat_route():
+    points = np.array([[0.0, 0.0], [1.0, 0.0]])
+    none, zero = np.full(2, np.nan), np.zeros((2, 2))
+    path = Path2D(points, points[:, 0], none, np.full((2, 3), np.nan), none, np.full((2, 3), -1), none, none)
+    summary = RouteSummary(1.0, 1.0, 1.0, None, None, None, None, None, 1.0, 1.0)
+    return Route(path, Trajectory(points[:, 0], points, zero, zero), summary)
 
 
 def load(channel, path, keep_bytes):
@@ -37,23 +47,26 @@ def load(channel, path, keep_bytes):
         raise MapFormatError("not a field")
     loaded = channel.memory.setdefault("loaded", set())
     loaded.add(path.name)
-    return frozenset(loaded)
+    return Loaded(FieldLabel("m_1", "f_1", ("A", "B", "C")), frozenset(loaded))
 
 
 def plan(channel, path, problem, ends_at, client_ref, warnings):
     assert path.name in channel.memory["loaded"]
-    channel.report(answer(0, routes=False))
     match client_ref:
         case "hang":
-            channel.report(answer(1))
-            channel.report(answer(2))
+            channel.report(result(1))
+            channel.report(result(2))
             time.sleep(3600)
+        case "late":
+            channel.report(result(1))
+            time.sleep(problem.deadline + 0.4)
         case "hang at once":
             time.sleep(3600)
         case "die":
+            channel.report(result(1, route=False))
             os.kill(os.getpid(), signal.SIGKILL)
         case "die late":
-            channel.report(answer(1))
+            channel.report(result(1))
             os.kill(os.getpid(), signal.SIGKILL)
         case "wrong":
             raise GoalOccupied("occupied", nearest_free=(1.0, 2.0))
@@ -61,7 +74,7 @@ def plan(channel, path, problem, ends_at, client_ref, warnings):
             return 1 // 0
         case "sleep":
             time.sleep(0.3)
-    return {**answer(3), "pid": os.getpid(), "left": ends_at - time.monotonic()}
+    return {"grid_cost": 3, "pid": os.getpid(), "left": ends_at - time.monotonic()}
 
 
 def parse(channel, parts, limits):
