@@ -58,6 +58,10 @@ def load_world(
         world = world if given is None else world.with_landmarks(given)
         return world if name is None else world.renamed(name)
     if source.suffix.lower() in _MAP_FILES:
+        if not _has_image(source) and (source.parent / "line_maps").is_dir():
+            raise MapFormatError(
+                f"The image of '{source}' is missing; give the folder '{source.parent}' to use its line_maps."
+            )
         title = name or (source.parent.resolve().name if source.stem == "map" else source.stem)
         return World(title, read_map_server(source, **options), given or LandmarkSet.empty())
     raise MapFormatError(
@@ -99,16 +103,13 @@ def _main_file(folder: Path) -> Path | None:
     usual = folder / "map.yaml"
     if usual.is_file():
         return usual
-    for endings in (_WORLD_FILES, _MAP_FILES):
-        found = sorted(f for f in folder.iterdir() if f.suffix.lower() in endings and f.is_file())
-        if len(found) > 1:
-            names = ", ".join(f.name for f in found)
-            raise MapFormatError(
-                f"The folder '{folder}' holds several maps ({names}); give one of the files."
-            )
-        if found:
-            return found[0]
-    return None
+    found = sorted(
+        f for f in folder.iterdir() if f.suffix.lower() in (*_WORLD_FILES, *_MAP_FILES) and f.is_file()
+    )
+    if len(found) > 1:
+        names = ", ".join(f.name for f in found)
+        raise MapFormatError(f"The folder '{folder}' holds several maps ({names}); give one of the files.")
+    return found[0] if found else None
 
 
 def _has_image(file: Path) -> bool:

@@ -64,6 +64,10 @@ def test_point_maps_beside_the_image_belong_to_the_site(ros_site):
     (ros_site / "map.pgm").unlink()
     with pytest.raises(MapFormatError, match="features is 'nonsense'"):
         load_world(ros_site)
+    with pytest.raises(
+        MapFormatError, match=r"map\.yaml' is missing; give the folder '.*hall' to use its line_maps"
+    ):
+        load_world(ros_site / "map.yaml")
 
 
 def test_what_is_missing_or_unclear_is_named(ros_site, tmp_path):
@@ -81,8 +85,10 @@ def test_what_is_missing_or_unclear_is_named(ros_site, tmp_path):
             load_world(source)
     (ros_site / "map.yaml").rename(ros_site / "a.yaml")
     (ros_site / "b.yaml").write_text(YAML)
-    with pytest.raises(MapFormatError, match=r"several maps \(a\.yaml, b\.yaml\)"):
+    (ros_site / "c.geojson").write_text("{}")
+    with pytest.raises(MapFormatError, match=r"several maps \(a\.yaml, b\.yaml, c\.geojson\)"):
         load_world(ros_site)
+    (ros_site / "c.geojson").unlink()
     (ros_site / "b.yaml").unlink()
     (ros_site / "a.yaml").write_text("image: [")
     with pytest.raises(MapFormatError, match=r"a\.yaml: The map YAML is not valid"):
