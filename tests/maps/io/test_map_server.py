@@ -259,10 +259,10 @@ def huge_png(width, height):
     "data", [b"P5 100000 100000 255\n", b"P2 64000001 1 255\n", huge_png(2**31 - 1, 2**31 - 1)]
 )
 def test_absurd_sizes_are_refused_before_anything_is_read(data):
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(MapTooLarge, match="the limit is 64000000"):
         grid_from_image(data, META)
-    assert time.perf_counter() - start < 0.5
+    assert time.process_time() - start < 0.5
 
 
 def test_impossible_frames_are_refused():
@@ -366,9 +366,9 @@ def test_the_table_of_real_maps_is_complete(shared_data):
 
 @pytest.mark.parametrize(("file", "size", "resolution", "origin", "free", "occupied", "upper"), REAL)
 def test_real_maps(shared_data, file, size, resolution, origin, free, occupied, upper):
-    start = time.perf_counter()
+    start = time.process_time()
     grid = read_map_server(shared_data / file)
-    seconds = time.perf_counter() - start
+    seconds = time.process_time() - start
     frame = grid.frame
     assert (frame.n_cols, frame.n_rows) == size
     assert frame.resolution == resolution
