@@ -26,6 +26,7 @@ MAX_ATTEMPTS = 3
 BUILD_BYTES_PER_CELL = 120
 _PROGRESS_S = 0.25
 _STOP_S = 10.0
+_PAUSE_S = 1.0
 
 
 class JobRunner:
@@ -139,6 +140,7 @@ class JobRunner:
         with self._changed:
             if job_id in self._current:
                 self._dismissed.add(job_id)
+                self._changed.notify_all()
         return record
 
     # --- the threads ------------------------------------------------------------------------------
@@ -211,8 +213,12 @@ class JobRunner:
         """A dismissed job has ended in the store already; any other waits for its next attempt."""
         if its_fault and job.attempts >= MAX_ATTEMPTS:
             self._store.fail_job(job.id, f"Given up after {job.attempts} attempts: {reason}")
-        else:
-            self._store.release_job(job.id, refund=not its_fault)
+            return
+        if its_fault:
+            with self._changed:
+                # What killed one worker may be about to kill the next: give it time to pass.
+                self._changed.wait_for(lambda: self._cancelled(job.id), _PAUSE_S)
+        self._store.release_job(job.id, refund=not its_fault)
 
 
 class _Noter:

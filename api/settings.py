@@ -117,7 +117,11 @@ class Settings(BaseSettings):
     max_parse_s: _Seconds = Field(30.0, description="Time for decoding an upload, s.")
     max_deadline_s: _Seconds = Field(30.0, le=30.0, description="Longest deadline of a plan, s.")
     default_deadline_s: _Seconds = Field(2.0, ge=0.05, description="Deadline of a plan that names none, s.")
-    cache_bytes: _Count = Field(_GIB, description="Memory for maps and fields that were read lately, bytes.")
+    cache_bytes: _Count = Field(
+        _GIB,
+        description="Memory of the service for maps, as much again for fields, and of each worker for fields, "
+        "that were used lately, bytes.",
+    )
 
     def __init__(self, **values: Any) -> None:
         try:

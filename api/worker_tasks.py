@@ -34,8 +34,11 @@ from planner.problem import MIN_DEADLINE_S, PlanningProblem
 T = TypeVar("T")
 _FIELDS = "fields"
 _ENCODING_S = 0.15
-#: A context takes about so much for each cell, with the caches that plans fill, bytes.
-_CONTEXT_BYTES_PER_CELL = 150
+#: What a context takes for each cell before anything is planned on it, bytes.
+_CONTEXT_BYTES_PER_CELL = 100
+#: Graphs, and as much again for costs to go, that plans leave in a context: some dozens on a small field.
+_CACHE_BYTES_PER_CELL = 200
+_CACHE_BYTES = (32 * 2**20, 256 * 2**20)
 _LOW_PRIORITY = 10
 
 
@@ -93,10 +96,7 @@ class _Ready:
     context: PlanningContext
     label: FieldLabel
 
-    @property
-    def size(self) -> int:
-        n_rows, n_cols = self.context.field.frame.shape
-        return n_rows * n_cols * _CONTEXT_BYTES_PER_CELL
+    size: int
 
 
 def load(channel: Channel, path: Path, keep_bytes: int) -> Loaded:
@@ -111,7 +111,10 @@ def load(channel: Channel, path: Path, keep_bytes: int) -> Loaded:
     ready = kept.pop(path.name, None)
     if ready is None:
         field = read_field(path)
-        ready = _Ready(PlanningContext(field), FieldLabel.of(field))
+        cells = field.free.size
+        cache = min(max(_CACHE_BYTES[0], cells * _CACHE_BYTES_PER_CELL), _CACHE_BYTES[1])
+        size = cells * _CONTEXT_BYTES_PER_CELL + 2 * cache
+        ready = _Ready(PlanningContext(field, cache_bytes=cache), FieldLabel.of(field), size)
     kept[path.name] = ready  # the newest is last
     while len(kept) > 1 and sum(r.size for r in kept.values()) > keep_bytes:
         del kept[next(iter(kept))]

@@ -91,7 +91,8 @@ class Service:
 
 
 @pytest.fixture
-def service(tmp_path, pool):
+def service(tmp_path, pool, monkeypatch):
+    monkeypatch.setattr("api.jobs._PAUSE_S", 0.05)
     made = Service(tmp_path, pool)
     yield made
     made.end()

@@ -117,7 +117,7 @@ def test_contexts_are_kept_by_use_and_memory(tmp_path):
     line = Line()
     for name in ("a", "b"):
         write_field(synthetic_field(world_from_ascii(ROOM)), tmp_path / name)
-    one = 7 * 12 * 150
+    one = 7 * 12 * 100 + 2 * 32 * 2**20
 
     def load(name, limit):
         return worker_tasks.load(line.channel(), tmp_path / name, limit).kept
