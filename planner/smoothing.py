@@ -20,7 +20,7 @@ from planner.result import Trajectory
 from planner.timing import at_rest, distinct_points, require_limits, time_polyline
 
 #: A smoothed path never costs more than this share above the polyline that it replaces.
-COST_SLACK = 0.05
+COST_SLACK = 0.03
 #: Within this share the fastest smooth path is taken; above it, where nothing is within, the cheapest.
 CLOSE_SLACK = 1e-3
 # A path whose pieces turn less than this against the whole is a straight line, rad.
@@ -80,11 +80,12 @@ def smooth(
 
     Stations of a smooth reference line are moved along its normals inside a corridor. What is minimised is
     ``∫ rate ds + bend ∫ κ² ds`` (and a little change of curvature), by Gauss–Newton steps, each a quadratic
-    programme with bounds that CasADi's piqp solves. A C² spline through the stations is timed exactly under
-    ``|v| ≤ max_speed`` and ``|a| ≤ max_accel``. Several weights ``bend`` are tried. Of the candidates that
-    pass the checks, the fastest that costs at most 1.001 times the polyline is returned; where there is
-    none, because the polyline winds through cells as no smooth curve can, the cheapest that costs at most
-    1.05 times as much.
+    programme with bounds that CasADi's piqp solves, and then by a search on the cells' exact rates. A C²
+    spline through the stations is timed exactly under ``|v| ≤ max_speed`` and ``|a| ≤ max_accel``.
+
+    Several weights ``bend`` are tried. Of the candidates that pass the checks, the fastest that costs at most
+    1.001 times the polyline is returned; where there is none, because the polyline winds through cells as no
+    smooth curve can, the cheapest that costs at most 1.03 times as much.
 
     Parameters
     ----------
@@ -233,7 +234,8 @@ class _Search:
         for attempt in range(1 + _REPAIRS):
             if self._is_late():
                 break
-            curve = curve_through(model.optimise(bend, self._is_late))
+            model.optimise(bend, self._is_late)
+            curve = curve_through(model.polish(bend, self._is_late))
             check = check_curve(curve, self._space)
             if check.is_valid:
                 return check.cost, self._offer(curve, check.cost)

@@ -11,6 +11,8 @@ import math
 
 from numba import njit
 
+from planner.kernels.line_cost import motion_rate_cost
+
 # Rate of a station with no allowed cell around it, 1/m: no path that can be offered has one.
 _NO_RATE = 1e3
 
@@ -158,3 +160,63 @@ def quadratic_model(points, normal, chord, kappa, rates, bend, twist, step, slop
                 jb = (rows[i + 1, b - 1] if b > 0 else 0.0) - rows[i, b]
                 if jb != 0.0:
                     band[i - 1 + a, b - a] += w * ja * jb
+
+
+@njit(cache=True, nogil=True)
+def _stretch_cost(points, first, last, bend, twist, step, rate, transform):
+    """Exact cost of the chords from station ``first`` to ``last`` of points (N, 2), and their bending."""
+    n = points.shape[0]
+    total = 0.0
+    kappa = 0.0
+    # κ of the stations outside does not change: theirs is needed for the change of κ only.
+    for i in range(max(first - 1, 0), min(last + 1, n - 1) + 1):
+        before = kappa
+        kappa = 0.0
+        if 0 < i < n - 1:
+            ax = points[i, 0] - points[i - 1, 0]
+            ay = points[i, 1] - points[i - 1, 1]
+            bx = points[i + 1, 0] - points[i, 0]
+            by = points[i + 1, 1] - points[i, 1]
+            lengths = math.sqrt(ax * ax + ay * ay) + math.sqrt(bx * bx + by * by)
+            kappa = 2.0 * math.atan2(ax * by - ay * bx, ax * bx + ay * by) / max(lengths, 1e-9)
+            total += 0.5 * bend * kappa * kappa * lengths
+        if i > max(first - 1, 0):
+            total += twist * (kappa - before) ** 2 / step
+        if first <= i < last:
+            total += motion_rate_cost(
+                points[i, 0], points[i, 1], points[i + 1, 0], points[i + 1, 1], rate, transform
+            )
+    return total
+
+
+@njit(cache=True, nogil=True)
+def relax(centre, normal, low, high, shifts, half, bend, twist, step, offset, points, rate, transform):
+    """Lower the exact cost by moving humps of ``2 half + 1`` stations sideways; one round over all.
+
+    ``offset`` (N,) and ``points`` (N, 2) are changed in place, offsets stay in low … high (N,). ``shifts``
+    (S,) are tried in turn, m. Returns what was saved.
+    """
+    n = offset.shape[0]
+    saved = 0.0
+    for i in range(1, n - 1):
+        first = max(i - half, 1)
+        last = min(i + half, n - 2)
+        here = _stretch_cost(points, first - 1, last + 1, bend, twist, step, rate, transform)
+        for shift in shifts:
+            for k in range(first, last + 1):
+                hump = 1.0 - ((k - i) / (half + 1.0)) ** 2
+                moved = min(max(offset[k] + shift * hump * hump, low[k]), high[k])
+                points[k, 0] = centre[k, 0] + moved * normal[k, 0]
+                points[k, 1] = centre[k, 1] + moved * normal[k, 1]
+            there = _stretch_cost(points, first - 1, last + 1, bend, twist, step, rate, transform)
+            better = there < here
+            if better:
+                saved += here - there
+                here = there
+            for k in range(first, last + 1):
+                hump = 1.0 - ((k - i) / (half + 1.0)) ** 2
+                if better:
+                    offset[k] = min(max(offset[k] + shift * hump * hump, low[k]), high[k])
+                points[k, 0] = centre[k, 0] + offset[k] * normal[k, 0]
+                points[k, 1] = centre[k, 1] + offset[k] * normal[k, 1]
+    return saved

@@ -53,3 +53,13 @@ def test_more_margin_moves_away_from_the_wall():
     model.widen(np.linspace(0.2, 0.8, 20), np.full(20, 0.05))
     far = model.optimise(0.01)[6, 1]
     assert far > near + 0.03
+
+
+def test_polishing_lowers_the_exact_cost_in_uneven_cells(rng):
+    cells = rng.uniform(0.05, 0.5, (70, 130))
+    space = space_of(ROOM, lambda x, y: cells[(y / 0.1).astype(int), (x / 0.1).astype(int)], radius=0.3)
+    model = model_of([[1.0, 2.0], [5.0, 2.8], [9.0, 2.0]], space)
+    before = space.line_cost(model.optimise(0.01))
+    after = space.line_cost(model.polish(0.01))
+    assert after < 0.97 * before
+    np.testing.assert_array_equal(model.polish(0.01, lambda: True), model.polish(0.01, lambda: True))

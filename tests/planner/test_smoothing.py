@@ -12,7 +12,7 @@ from maps.grid import GridFrame, OccupancyGrid
 from maps.landmarks import LandmarkSet
 from maps.world import World
 from planner.errors import InvalidProblem
-from planner.smoothing import COST_SLACK, _solve_box, smooth, warm_up
+from planner.smoothing import CLOSE_SLACK, COST_SLACK, _solve_box, smooth, warm_up
 from planner.timing import time_polyline
 from tests.oracles import least_in_box
 from tests.paths import grid_path, pulled, random_pairs, space_of
@@ -93,14 +93,34 @@ def test_an_l_is_rounded_and_much_faster_than_stopping():
 @pytest.mark.parametrize(("radius", "weight"), [(0.3, 4.0), (0.05, 1.0), (0.45, 10.0)])
 def test_random_pairs_in_the_hall(rng, r95, radius, weight):
     space = space_of(HALL, r95, radius=radius, weight=weight)
-    gained = []
+    gained, close = [], []
     for path in random_pairs(space, rng, 8):
         result = smooth(path, space, max_speed=1.2, max_accel=0.8)
         assert_good(result, path, space)
         slow = time_polyline(path, max_speed=1.2, max_accel=0.8)
         assert result.trajectory.duration <= slow.duration + 1e-9
         gained.append(result.ok)
-    assert np.mean(gained) >= 0.85
+        close.append(space.line_cost(result.trajectory.points) <= (1 + CLOSE_SLACK) * space.line_cost(path))
+    assert all(gained)
+    assert np.mean(close) >= 0.85
+
+
+def test_a_path_that_winds_through_speckles_is_smoothed_at_the_least_cost(rng):
+    speckles = rng.random((60, 170)) < 0.1
+
+    def r95(x, y):
+        return np.where(speckles[(y / 0.1).astype(int), (x / 0.1).astype(int)], 0.3, 0.05)
+
+    space = space_of(HALL, r95, radius=0.2)
+    good = []
+    for path in random_pairs(space, rng, 6):
+        result = smooth(path, space, max_speed=1.2, max_accel=0.8)
+        assert_good(result, path, space)
+        good.append(result.ok)
+        if result.ok and result.stats["cost"] > (1 + CLOSE_SLACK) * space.line_cost(path):
+            tight = smooth(path, space, max_speed=1.2, max_accel=0.8, cost_limit=0.999 * result.stats["cost"])
+            assert not tight.ok or tight.stats["cost"] <= 0.999 * result.stats["cost"]
+    assert sum(good) >= 5
 
 
 def test_random_worlds_of_blocks(rng):

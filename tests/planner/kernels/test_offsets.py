@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
 
-from planner.kernels.offsets import path_cost, place, quadratic_model, rate_along_normals, smooth_rate, turns
+from planner.kernels.line_cost import motion_rate_cost
+from planner.kernels.offsets import (
+    path_cost,
+    place,
+    quadratic_model,
+    rate_along_normals,
+    relax,
+    smooth_rate,
+    turns,
+)
 from tests.oracles import bending_cost, blended_rate
 
 TRANSFORM = np.array([2.0, -1.0, math.cos(0.4), math.sin(0.4), 0.5])
@@ -121,3 +131,35 @@ def test_matrix_is_positive_semidefinite(rng):
         rates = rng.uniform(0, 2, (15, 3))
         _, full = model(centre, normal, offset * 3, rates, 0.5, 0.2)
         assert np.linalg.eigvalsh(full).min() > -1e-9
+
+
+def exact_cost(points, rate, bend, twist):
+    """Cells' exact cost plus the bending of the plain sum, which without rates is bending alone."""
+    cells = sum(motion_rate_cost(*a, *b, rate, TRANSFORM) for a, b in itertools.pairwise(points))
+    return cells + bending_cost(points.tolist(), [0.0] * len(points), bend, twist, 0.25)
+
+
+def test_relaxing_saves_what_it_says_and_stays_inside(rng):
+    rate = rng.uniform(1, 3, (12, 20))
+    for half in (1, 3):
+        n = 24
+        gx = np.linspace(1, 18, n)
+        centre = np.array([to_world(x, 5 + np.sin(0.3 * x)) for x in gx])
+        tangent = np.gradient(centre, axis=0)
+        normal = np.column_stack([-tangent[:, 1], tangent[:, 0]]) / np.hypot(*tangent.T)[:, None]
+        low, high = -rng.uniform(0, 0.5, n), rng.uniform(0, 0.5, n)
+        low[[0, -1]] = high[[0, -1]] = 0.0
+        offset, points = np.zeros(n), np.empty((n, 2))
+        place(centre, normal, offset, points)
+        before = exact_cost(points, rate, 0.05, 0.01)
+        shifts = np.array([0.1, -0.1, 0.02, -0.02])
+        saved = relax(
+            centre, normal, low, high, shifts, half, 0.05, 0.01, 0.25, offset, points, rate, TRANSFORM
+        )
+        after = exact_cost(points, rate, 0.05, 0.01)
+        assert saved > 0
+        assert abs(before - after - saved) < 1e-9
+        assert ((low <= offset) & (offset <= high)).all()
+        again = np.empty((n, 2))
+        place(centre, normal, offset, again)
+        np.testing.assert_allclose(points, again, atol=1e-15)
