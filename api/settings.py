@@ -119,8 +119,8 @@ class Settings(BaseSettings):
     default_deadline_s: _Seconds = Field(2.0, ge=0.05, description="Deadline of a plan that names none, s.")
     cache_bytes: _Count = Field(
         _GIB,
-        description="Memory of the service for maps, as much again for fields, and of each worker for fields, "
-        "that were used lately, bytes.",
+        description="Memory of the service for maps, as much again for fields, and of each worker for "
+        "fields, of what was used lately, bytes.",
     )
 
     def __init__(self, **values: Any) -> None:
