@@ -16,6 +16,7 @@ from planner.context import PlanningContext
 from planner.ends import check_ends
 from planner.example_context import example_context
 from planner.grid_search import Way, find_shortest, find_way
+from planner.motion import least_limit, move_along, stops_in_words
 from planner.problem import PlanningProblem
 from planner.result import PlanResult, PlanStatus, Route, Trajectory
 from planner.timing import time_polyline
@@ -118,11 +119,20 @@ def _finish(
             tell(points)
     if clock.is_over(sampling_end):
         work.warnings.append(_late(problem, work, "refined"))
-    limit = cost * (1.0 + smoothing.COST_SLACK)
-    if way.grid_cost is not None:
-        limit = min(limit, way.grid_cost)
     with clock.stage("smoothing"):
-        trajectory = _smooth(points, limit, way, problem, clock, work, smoothing_end)
+        motion = move_along(
+            points,
+            space,
+            max_speed=problem.max_speed,
+            max_accel=problem.max_accel,
+            cost_limit=least_limit(cost, way.grid_cost),
+            deadline_at=clock.at(smoothing_end),
+        )
+    trajectory = motion.trajectory
+    if motion.is_smooth:
+        work.stages.append("casadi")
+    if (said := stops_in_words(motion, work.name)) is not None:
+        work.warnings.append(said)
     with clock.stage("annotate"):
         final = np.asarray(trajectory.points)
         return annotate(trajectory, context, space, cost=_asked_cost(final, problem, context))
@@ -150,41 +160,6 @@ def _sample(
     if space.line_cost(refined) >= cost * (1.0 - _GAIN):
         return points, cost
     return shorten(refined, space, deadline_at=clock.at(share))
-
-
-def _smooth(
-    points: FloatArray,
-    limit: float,
-    way: Way,
-    problem: PlanningProblem,
-    clock: Clock,
-    work: _Work,
-    share: float,
-) -> Trajectory:
-    """The smoothed trajectory, or the polyline with stops at its corners where smoothing does not help."""
-    space = way.graph.cost_space
-    if len(points) < 3:
-        return _timed(points, problem)
-    if clock.is_over(share):
-        work.warnings.append(_late(problem, work, "smoothed"))
-        return _timed(points, problem)
-    smoothed = smoothing.smooth(
-        points,
-        space,
-        max_speed=problem.max_speed,
-        max_accel=problem.max_accel,
-        deadline_at=clock.at(share),
-        cost_limit=limit,
-    )
-    if not smoothed.ok:
-        work.warnings.append(
-            f"The {work.name} could not be smoothed ({smoothed.reason}): the robot stops at its corners."
-        )
-        return _timed(points, problem)
-    if space.line_cost(smoothed.trajectory.points) > limit * (1.0 + _GAIN):
-        return _timed(points, problem)
-    work.stages.append("casadi")
-    return smoothed.trajectory
 
 
 def _shortest(
