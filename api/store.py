@@ -6,7 +6,6 @@ and renamed, and only then does a row name them; what no row names is removed at
 
 from __future__ import annotations
 
-import json
 import zlib
 from typing import Any
 
@@ -14,6 +13,7 @@ import sqlalchemy as sa
 from sqlalchemy.dialects.sqlite import insert as upsert
 
 from api import store_schema as db
+from api.codec import to_json_bytes
 from api.settings import Settings
 from api.store_base import DAY_S, PLANS_KEPT_S, now
 from api.store_fields import FieldShelf
@@ -79,14 +79,15 @@ class Store(FieldShelf):
             If it cannot be kept.
         """
         plan_id, field_id, created = answer["plan"], answer["field"], now()
-        blob = zlib.compress(json.dumps(answer, allow_nan=False).encode(), 1)
+        body = to_json_bytes(answer)
+        blob = zlib.compress(body, 1)
         row = {"id": plan_id, "field_id": field_id, "answer": blob, "size": len(blob), "created": created}
         with self._write() as connection:
             self._drop_plans(connection)
             self._require_room(connection, len(blob), "a plan")
             statement = upsert(db.plans).values(row)
             connection.execute(statement.on_conflict_do_update([db.plans.c.id], set_={"created": created}))
-        return PlanRecord(plan_id, field_id, answer, created)
+        return PlanRecord(plan_id, field_id, body, created)
 
     def _drop_plans(self, connection: sa.Connection) -> None:
         plans = db.plans.c
@@ -113,4 +114,4 @@ class Store(FieldShelf):
         if row is None:
             days = PLANS_KEPT_S / DAY_S
             raise NotFound(f"There is no plan '{plan_id[:100]}'; plans are kept for {days:g} days.")
-        return PlanRecord(row.id, row.field_id, json.loads(zlib.decompress(row.answer)), row.created)
+        return PlanRecord(row.id, row.field_id, zlib.decompress(row.answer), row.created)

@@ -13,6 +13,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
@@ -204,9 +205,15 @@ class JobRecord:
 
 @dataclass(frozen=True, slots=True)
 class PlanRecord:
-    """A stored answer to a planning request."""
+    """A stored answer to a planning request; ``body`` is its JSON, encoded once."""
 
     id: str
     field_id: str
-    answer: dict[str, Any]
+    body: bytes
     created: float
+
+    @property
+    def answer(self) -> dict[str, Any]:
+        """The answer as values."""
+        values: dict[str, Any] = json.loads(self.body)
+        return values

@@ -11,7 +11,7 @@ from api import answers
 from api.caching import HOUR, conditional, etag_of
 from api.dependencies import Service, Service_
 from api.plan_picture import plan_png
-from api.routes.common import NOT_MODIFIED, answer, binary, json_response, problems
+from api.routes.common import NOT_MODIFIED, answer, binary, problems
 from api.schemas import PlanIn
 from api.store_records import FieldNotReady, FieldStatus
 
@@ -53,7 +53,7 @@ def make_plan(question: PlanIn, service: Service_) -> Response:
     field = newest_field(service, question.map or "") if question.field is None else question.field
     path = service.store.field_path(service.store.ready_field(field).id)
     found = service.pool.plan(path, problem, client_ref=question.client_ref, warnings=warnings)
-    return json_response(service.store.add_plan(found).answer)
+    return Response(service.store.add_plan(found).body, media_type="application/json")
 
 
 def newest_field(service: Service, name: str) -> str:
@@ -90,7 +90,9 @@ def newest_field(service: Service, name: str) -> str:
 def read_plan(plan: str, request: Request, service: Service_) -> Response:
     """A plan by its id."""
     record = service.store.plan(plan)
-    return conditional(request, etag_of(record.id), HOUR, lambda: json_response(record.answer))
+    return conditional(
+        request, etag_of(record.id), HOUR, lambda: Response(record.body, media_type="application/json")
+    )
 
 
 @router.get(
