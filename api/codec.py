@@ -116,10 +116,12 @@ def sensor_from_json(obj: Any) -> Sensor:
     try:
         return _SENSOR.validate_python(obj).to_sensor()  # type: ignore[no-any-return]
     except ValidationError as error:
-        first = error.errors(include_input=False, include_url=False, include_context=False)[0]
+        first = error.errors(include_url=False, include_context=False)[0]
+        value = first["input"]
+        given = "" if isinstance(value, (dict, list)) else f" is {repr(value)[:40]}"
         # The first part of a place inside a tagged union is the tag.
         place = ".".join(str(p)[:80] for p in first["loc"][1:])
-        raise InvalidSensor(f"Sensor{' ' + place if place else ''}: {first['msg']}.") from None
+        raise InvalidSensor(f"Sensor{' ' + place if place else ''}{given}: {first['msg']}.") from None
 
 
 def sensor_to_json(sensor: Sensor) -> dict[str, Any]:

@@ -89,16 +89,28 @@ class IdleJobs:
         return self.store.dismiss_job(job_id)
 
 
-@pytest.fixture
-def settings(tmp_path):
-    return Settings(data_dir=tmp_path / "data", preload=False, max_body_bytes=100_000, max_deadline_s=10.0)
+def small_settings(folder) -> Settings:
+    """Limits that tests can reach."""
+    return Settings(data_dir=folder, preload=False, max_body_bytes=100_000, max_deadline_s=10.0)
 
 
 @pytest.fixture
-def client(settings, monkeypatch):
+def client(tmp_path, monkeypatch):
+    """A service of its own."""
     monkeypatch.setattr(api.app, "JobRunner", IdleJobs)
-    with TestClient(api.app.create_app(settings, pool=InlinePool())) as running:
+    with TestClient(api.app.create_app(small_settings(tmp_path / "data"), pool=InlinePool())) as running:
         yield running
+
+
+@pytest.fixture(scope="session")
+def gallery(tmp_path_factory):
+    """A service with a room and a ready field that nobody changes: for tests that only read."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(api.app, "JobRunner", IdleJobs)
+        app = api.app.create_app(small_settings(tmp_path_factory.mktemp("gallery")), pool=InlinePool())
+        with TestClient(app) as running:
+            map_id = running.post("/v1/maps", json=ROOM).json()["map"]
+            yield SimpleNamespace(client=running, **vars(_ready_field(running, map_id)))
 
 
 @pytest.fixture
@@ -124,12 +136,16 @@ def finish(client, job_id: str) -> None:
     assert store.commit_field(job.id, staged, size=size, checksum=checksum)
 
 
+def _ready_field(client, map_id: str) -> SimpleNamespace:
+    ordered = client.post("/v1/fields", json={"map": map_id, "sensor": LASER, "resolution_m": 0.5}).json()
+    finish(client, ordered["job"])
+    return SimpleNamespace(map=map_id, id=ordered["field"], path=f"/v1/fields/{ordered['field']}")
+
+
 @pytest.fixture
 def field(client, room):
     """Ids of a room and its ready field: certain at the left, blind below y = 1 m."""
-    ordered = client.post("/v1/fields", json={"map": room, "sensor": LASER, "resolution_m": 0.5}).json()
-    finish(client, ordered["job"])
-    return SimpleNamespace(map=room, id=ordered["field"], path=f"/v1/fields/{ordered['field']}")
+    return _ready_field(client, room)
 
 
 def problem_of(answer, status: int, code: str) -> dict:

@@ -15,17 +15,19 @@ from tests.api.conftest import IdleJobs, InlinePool, problem_of
 @pytest.mark.parametrize(
     "path", ["/nowhere", "/v1/nowhere", "/v1/maps/", "/v1/fields/f/heatmap.gif", "/%ff%00"]
 )
-def test_unknown_addresses(client, path):
-    problem_of(client.get(path), 404, "not_found")
+def test_unknown_addresses(gallery, path):
+    problem_of(gallery.client.get(path), 404, "not_found")
 
 
-def test_other_methods(client):
-    problem = problem_of(client.put("/v1/plans"), 405, "method_not_allowed")
+def test_other_methods(gallery):
+    problem = problem_of(gallery.client.put("/v1/plans"), 405, "method_not_allowed")
     assert problem["instance"] == "/v1/plans"
 
 
-def test_large_bodies(client):
-    answer = client.post("/v1/plans", content=b"x" * 100_001, headers={"content-type": "application/json"})
+def test_large_bodies(gallery):
+    answer = gallery.client.post(
+        "/v1/plans", content=b"x" * 100_001, headers={"content-type": "application/json"}
+    )
     problem = problem_of(answer, 413, "too_large")
     assert (problem["limit"], problem["setting"]) == (100_000, "SUREPATH_MAX_BODY_BYTES")
 
@@ -35,15 +37,15 @@ def test_large_bodies(client):
     [b"{", b"\xff", b"[" * 100_000, b'{"seed": ' + b"1" * 5000 + b"}", b"{'a': 1}"],
     ids=["cut", "bytes", "deep", "digits", "quotes"],
 )
-def test_broken_bodies_are_400(client, body):
-    answer = client.post("/v1/plans", content=body, headers={"content-type": "application/json"})
+def test_broken_bodies_are_400(gallery, body):
+    answer = gallery.client.post("/v1/plans", content=body, headers={"content-type": "application/json"})
     problem_of(answer, 400, "malformed_body")
 
 
-def test_the_openapi_document_is_complete(client):
-    document = client.get("/openapi.json").json()
+def test_the_openapi_document_is_complete(gallery):
+    document = gallery.client.get("/openapi.json").json()
     assert document["openapi"].startswith("3.1")
-    references = set(re.findall(r"#/components/schemas/([\w.-]+)", client.get("/openapi.json").text))
+    references = set(re.findall(r"#/components/schemas/([\w.-]+)", gallery.client.get("/openapi.json").text))
     assert references <= set(document["components"]["schemas"])
     assert "HTTPValidationError" not in document["components"]["schemas"]
     for path, operations in document["paths"].items():

@@ -11,7 +11,8 @@ from tests.api.conftest import problem_of
 
 
 @pytest.mark.parametrize("path", ["/", "/docs", "/docs/problems"])
-def test_pages_load_their_own_files_only(client, field, path):
+def test_pages_load_their_own_files_only(gallery, path):
+    client = gallery.client
     page = client.get(path)
     assert page.status_code == 200
     assert page.headers["content-type"].startswith("text/html")

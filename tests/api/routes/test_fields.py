@@ -46,27 +46,33 @@ def test_a_field_tells_what_it_is(client, field):
     problem_of(client.get("/v1/fields?map=hall"), 404, "not_found")
 
 
-def test_the_heatmap_is_a_picture_of_the_size_asked_for(client, field):
-    answer = client.get(f"{field.path}/heatmap.png?width=500&height=400")
+def test_the_heatmap_is_a_picture_of_the_size_asked_for(gallery):
+    answer = gallery.client.get(f"{gallery.path}/heatmap.png?width=500&height=400")
     assert answer.headers["content-type"] == "image/png"
     assert Image.open(io.BytesIO(answer.content)).size == (500, 400)
     assert "max-age=3600" in answer.headers["cache-control"]
-    again = client.get(f"{field.path}/heatmap.png?height=400&width=500&metric=area95_m2")
+    again = gallery.client.get(f"{gallery.path}/heatmap.png?height=400&width=500&metric=area95_m2")
     assert again.headers["etag"] == answer.headers["etag"], "the same question in other words"
     assert again.content == answer.content
     held = {"if-none-match": answer.headers["etag"]}
-    assert client.get(f"{field.path}/heatmap.png?width=500&height=400", headers=held).status_code == 304
-    assert client.get(f"{field.path}/heatmap.png?width=501&height=400", headers=held).status_code == 200
+    assert (
+        gallery.client.get(f"{gallery.path}/heatmap.png?width=500&height=400", headers=held).status_code
+        == 304
+    )
+    assert (
+        gallery.client.get(f"{gallery.path}/heatmap.png?width=501&height=400", headers=held).status_code
+        == 200
+    )
 
 
 @pytest.mark.parametrize("metric", METRICS)
-def test_every_metric_is_drawn_and_read(client, field, metric):
+def test_every_metric_is_drawn_and_read(gallery, metric):
     scale = "linear" if metric == "n_visible" else "log"
-    picture = client.get(f"{field.path}/heatmap.png?metric={metric}&width=300&scale={scale}")
+    picture = gallery.client.get(f"{gallery.path}/heatmap.png?metric={metric}&width=300&scale={scale}")
     assert picture.status_code == 200
-    values = np.load(io.BytesIO(client.get(f"{field.path}/heatmap.npy?metric={metric}").content))
+    values = np.load(io.BytesIO(gallery.client.get(f"{gallery.path}/heatmap.npy?metric={metric}").content))
     assert values.shape == (12, 16)
-    stored = client.app.state.service.store.load_field(field.id)
+    stored = gallery.client.app.state.service.store.load_field(gallery.id)
     np.testing.assert_array_equal(values, stored.metric(metric))
 
 
@@ -107,16 +113,16 @@ def test_every_metric_is_drawn_and_read(client, field, metric):
         ("bbox=-1e9,0,1e9,1", "invalid_picture"),
     ],
 )
-def test_wrong_pictures(client, field, query, code):
-    answer = client.get(f"{field.path}/heatmap.png?{query}")
+def test_wrong_pictures(gallery, query, code):
+    answer = gallery.client.get(f"{gallery.path}/heatmap.png?{query}")
     if code is None:
         assert answer.status_code == 200
     else:
         problem_of(answer, 422, code)
 
 
-def test_a_place_with_a_fix(client, field):
-    value = client.get(f"{field.path}/point?x_m=1.2&y_m=3.1").json()
+def test_a_place_with_a_fix(gallery):
+    value = gallery.client.get(f"{gallery.path}/point?x_m=1.2&y_m=3.1").json()
     answers.PointValue.model_validate(value)
     assert value["state"] == "fix"
     assert value["cell"] == {"row": 6, "column": 2}
@@ -131,8 +137,8 @@ def test_a_place_with_a_fix(client, field):
 @pytest.mark.parametrize(
     ("place", "state"), [((1.0, 0.4), "no_fix"), ((4.0, 3.0), "occupied"), ((-3.0, 3.0), "outside")]
 )
-def test_a_place_without_a_fix_says_why(client, field, place, state):
-    value = client.get(f"{field.path}/point?x_m={place[0]}&y_m={place[1]}").json()
+def test_a_place_without_a_fix_says_why(gallery, place, state):
+    value = gallery.client.get(f"{gallery.path}/point?x_m={place[0]}&y_m={place[1]}").json()
     answers.PointValue.model_validate(value)
     assert value["state"] == state
     assert value["reason"]
@@ -140,13 +146,13 @@ def test_a_place_without_a_fix_says_why(client, field, place, state):
 
 
 @pytest.mark.parametrize("query", ["", "x_m=1", "x_m=nan&y_m=1", "x_m=a&y_m=1", "x_m=1e999&y_m=0"])
-def test_wrong_places(client, field, query):
-    problem_of(client.get(f"{field.path}/point?{query}"), 422, "invalid_request")
+def test_wrong_places(gallery, query):
+    problem_of(gallery.client.get(f"{gallery.path}/point?{query}"), 422, "invalid_request")
 
 
 @pytest.mark.parametrize("query", ["x_m=1e308&y_m=-1e308", "x_m=1e19&y_m=1"])
-def test_far_away_is_outside(client, field, query):
-    assert client.get(f"{field.path}/point?{query}").json()["state"] == "outside"
+def test_far_away_is_outside(gallery, query):
+    assert gallery.client.get(f"{gallery.path}/point?{query}").json()["state"] == "outside"
 
 
 @pytest.mark.parametrize(

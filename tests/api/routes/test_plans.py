@@ -69,8 +69,8 @@ def test_an_occupied_goal_comes_with_a_free_one(client, field):
         ({"via": []}, 422, "invalid_request"),
     ],
 )
-def test_wrong_questions(client, field, change, status, code):
-    problem_of(client.post("/v1/plans", json={**PLAN, "field": field.id, **change}), status, code)
+def test_wrong_questions(gallery, change, status, code):
+    problem_of(gallery.client.post("/v1/plans", json={**PLAN, "field": gallery.id, **change}), status, code)
 
 
 def test_unknown_plans(client):
