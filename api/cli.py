@@ -37,7 +37,7 @@ app = typer.Typer(
         "[bold]In three steps:[/bold]\n\n"
         "  surepath field warehouse --sensor laser -o warehouse.zarr\n\n"
         "  surepath heatmap warehouse.zarr -o heatmap.png\n\n"
-        "  surepath plan warehouse.zarr --start 3 3 --goal 50 30 --radius 0.35 -o plan.json\n\n"
+        "  surepath plan warehouse.zarr --start 6.2 18 --goal 54 17 --radius 0.35 -o plan.json\n\n"
         "Exit codes: 0 done, 1 wrong input, 2 service problem, "
         "3 a plan that misses its bound or finds no way."
     ),

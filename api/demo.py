@@ -23,8 +23,8 @@ from maps.errors import SurepathError
 
 SITE = "warehouse"
 SENSOR: dict[str, Any] = {"kind": "omnidirectional", "bearing_sigma_deg": 0.1, "max_range_m": 30.0}
-START = {"x_m": 4.0, "y_m": 4.0}
-GOAL = {"x_m": 55.0, "y_m": 34.0}
+START = {"x_m": 6.2, "y_m": 18.0}
+GOAL = {"x_m": 54.0, "y_m": 17.0}
 START_TIMEOUT_S = 90.0
 
 
