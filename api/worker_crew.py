@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import logging
+import signal
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Pipe, wait
 
 from api.worker_orders import Loaded
@@ -247,6 +249,9 @@ class WorkerCrew:
 
     def _supervise(self) -> None:
         """Start workers, note when they are warm, replace idle ones that die."""
+        # Children of this thread are born deaf to Ctrl-C. The tracker would lift the block: it comes first.
+        resource_tracker.ensure_running()
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         pause_until = 0.0
         while not self._closed:
             now = time.monotonic()

@@ -134,6 +134,15 @@ def test_an_idle_worker_that_is_killed_is_replaced(pool):
     assert pool.plan(FIELD, problem())["grid_cost"] == 3
 
 
+def test_ctrl_c_is_not_for_workers(pool):
+    before = sorted(pids(pool))
+    for pid in before:
+        os.kill(pid, signal.SIGINT)
+    time.sleep(0.2)
+    assert pool.plan(FIELD, problem())["grid_cost"] == 3
+    assert sorted(pids(pool)) == before
+
+
 def test_a_field_that_is_read_too_slowly_is_there_next_time(pool):
     with pytest.raises(Overloaded, match="still being read"):
         pool.plan(Path("slow"), problem(0.1))
