@@ -144,12 +144,13 @@ def _drawn(name: str, color: Color, route: dict[str, Any]) -> _Drawn:
 
 
 def _enlargement(routes: list[_Drawn], scale: float) -> int:
-    """Factor that makes a typical ellipse about 18 px (oversampled), from a list of round numbers."""
+    """Factor that makes a typical ellipse about 18 px (oversampled) and a bad one not fill the picture."""
     axes = [ellipse95(r.covariance)[..., 0] for r in routes]
-    good = [a[np.isfinite(a)] for a in axes]
-    if not sum(len(a) for a in good):
+    good = np.concatenate([a[np.isfinite(a)] for a in axes]) if axes else np.empty(0)
+    if not len(good):
         return 1
-    wanted = 18.0 / max(float(np.median(np.concatenate(good))) * scale, 1e-9)
+    typical, bad = (max(float(v) * scale, 1e-9) for v in np.percentile(good, [50, 85]))
+    wanted = min(18.0 / typical, 220.0 / bad)
     return min(_ENLARGEMENTS, key=lambda f: abs(math.log(f / wanted)))
 
 
