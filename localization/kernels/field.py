@@ -21,8 +21,12 @@ from localization.kernels.triplets import (
 #: A landmark nearer than this has no usable bearing: the robot stands on it. m
 TOUCH_M = 1e-3
 
-# Share of strong pairs from which the search by outer pairs is faster (measured).
-_MANY = 0.15
+# Strong pairs per landmark from which the search by outer pairs is faster: constant, and per landmark.
+_MANY = 2.0
+_MANY_SHARE = 0.05
+# Triplets remembered from cells nearby; with few landmarks they do not pay.
+_N_SEEDS = 6
+_SEEDED_FROM = 10
 
 
 @njit(cache=True, nogil=True)
@@ -180,9 +184,9 @@ def field_tile(
     triplets = np.empty((1, 3), dtype=np.int64)
     corners = np.empty(3, dtype=np.int64)
     n_last = 0
-    s0 = -1
-    s1 = -1
-    s2 = -1
+    seeds = np.empty((_N_SEEDS, 3), dtype=np.int64)
+    n_seeds = 0
+    newest = _N_SEEDS - 1
     for row in range(h):
         for col in range(w):
             if not free[row, col]:
@@ -225,19 +229,21 @@ def field_tile(
                 inverted(
                     x, y, n, order, landmarks, survey, sensor[5], needs_azimuth, gx, gy, rho, azimuth, shares
                 )
-                # The neighbour's triplet tells how good the best is at least.
+                # Triplets that were best nearby tell how good the best is at least.
                 known = 0.0
-                if (
-                    s0 >= 0
-                    and _holds(order, n, at, s0)
-                    and _holds(order, n, at, s1)
-                    and _holds(order, n, at, s2)
-                ):
-                    # In the order of the search, so that both compute the same number.
-                    a0, a1, a2 = sorted_three(at[s0], at[s1], at[s2])
-                    known = triplet_value(a0, a1, a2, gx, gy, rho, azimuth, shares, sensor)
-                known = max(known, 0.0)
-                if hull_only or not pinhole or strong_pairs(n, rho, shares, sensor, known) <= _MANY * n * n:
+                for a in range(n_seeds if n >= _SEEDED_FROM else 0):
+                    s0 = seeds[a, 0]
+                    s1 = seeds[a, 1]
+                    s2 = seeds[a, 2]
+                    if _holds(order, n, at, s0) and _holds(order, n, at, s1) and _holds(order, n, at, s2):
+                        # In the order of the search, so that both compute the same number.
+                        a0, a1, a2 = sorted_three(at[s0], at[s1], at[s2])
+                        known = max(known, triplet_value(a0, a1, a2, gx, gy, rho, azimuth, shares, sensor))
+                by_pairs = known == 0.0 or not pinhole
+                if not by_pairs:
+                    strong = strong_pairs(n, rho, shares, sensor, known)
+                    by_pairs = strong <= n * (_MANY + _MANY_SHARE * n)
+                if by_pairs:
                     found = ranked_triplets(
                         n, order, gx, gy, rho, azimuth, shares, sensor, known, cx, cy, crho, hull,
                         values, triplets,
@@ -260,9 +266,12 @@ def field_tile(
                 i0 = triplets[0, 0]
                 i1 = triplets[0, 1]
                 i2 = triplets[0, 2]
-                s0 = i0
-                s1 = i1
-                s2 = i2
+                if n_seeds == 0 or seeds[newest, 0] != i0 or seeds[newest, 1] != i1 or seeds[newest, 2] != i2:
+                    newest = (newest + 1) % _N_SEEDS
+                    n_seeds = min(n_seeds + 1, _N_SEEDS)
+                    seeds[newest, 0] = i0
+                    seeds[newest, 1] = i1
+                    seeds[newest, 2] = i2
             xx, xy, yy, heading, pan = triplet_fix(x, y, i0, i1, i2, landmarks, survey, sensor)
             if math.isnan(xx):
                 continue

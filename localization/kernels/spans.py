@@ -29,18 +29,25 @@ def azimuth_key(x, y):
 
 
 @njit(cache=True, nogil=True)
-def _margins(xl, yl, rl, inv, sl, x, y, rho, r, s, near, far, bar, least, terms, out):
-    """By how much the bounds of pairs of one landmark with others (m,) exceed what is needed, into ``out``.
+def _margins(lo, first, count, x, y, rho, r, s, near, far, bar, least, terms, out):
+    """By how much the bounds of pairs (lo, first … first + count - 1) exceed what is needed, into ``out``.
 
-    Plain loop over equally long arrays: the compiler makes it four pairs at a time.
+    Unsigned indices and no branches: the compiler makes it several pairs at a time.
     """
+    xl = x[lo]
+    yl = y[lo]
+    rl = rho[lo]
+    inv = r[lo]
+    sl = s[lo]
     a0 = terms[0]
     a1 = terms[1]
     a2 = terms[2]
     on_axis = terms[3]
     f0 = terms[4]
     f1 = terms[5]
-    for i in range(out.shape[0]):
+    base = np.uint64(first)
+    for step in range(count):
+        i = base + np.uint64(step)
         off = xl * y[i] - yl * x[i]
         dot = xl * x[i] + yl * y[i]
         ex = x[i] - xl
@@ -102,30 +109,27 @@ def ranked_by_span(
             r[b] = 1.0 / rho[i]
             s[b] = survey[i]
     bar = known * (1.0 - SLACK)
+    last = 1
     for lo in range(n):
         xl = x[lo]
         yl = y[lo]
-        nearest = 0.0
-        farthest = np.inf
-        last = lo + 1
+        # The window of one landmark ends no earlier than that of the one before.
+        last = max(last, lo + 1)
         while last < lo + n:
-            dot = xl * x[last] + yl * y[last]
-            off = xl * y[last] - yl * x[last]
             both = p[lo] * p[last]
-            if dot < cos_view * both or off < -1e-9 * both:
+            if xl * x[last] + yl * y[last] < cos_view * both or xl * y[last] - yl * x[last] < -1e-9 * both:
                 break
-            near[last] = nearest
-            far[last] = farthest
-            nearest = max(nearest, p[last])
-            farthest = min(farthest, p[last])
             last += 1
         if last < lo + 3:
             continue
-        w = slice(lo + 2, last)
-        _margins(
-            xl, yl, p[lo], r[lo], s[lo], x[w], y[w], p[w], r[w], s[w], near[w], far[w], bar, least, terms,
-            margin[w],
-        )  # fmt: skip
+        nearest = p[lo + 1]
+        farthest = nearest
+        for hi in range(lo + 2, last):
+            near[hi] = nearest
+            far[hi] = farthest
+            nearest = max(nearest, p[hi])
+            farthest = min(farthest, p[hi])
+        _margins(lo, lo + 2, last - lo - 2, x, y, p, r, s, near, far, bar, least, terms, margin)
         for hi in range(lo + 2, last):
             if margin[hi] < 0.0:
                 continue

@@ -16,6 +16,7 @@ from localization.kernels.field import (
     visible_indices,
 )
 from localization.kernels.fix import triplet_fix
+from localization.kernels.triplets import strong_pairs
 from localization.sensors import kernel_args
 from tests.triplet_arrays import SENSORS, nearest_first
 
@@ -118,6 +119,27 @@ def test_cells_do_not_depend_on_the_window(rng, name):
     )
     for a, b in zip(turned, whole, strict=True):
         np.testing.assert_array_equal(a[back], b)
+
+
+@pytest.mark.parametrize("name", ["mas97", "limited", "wide"])
+def test_landmarks_on_walls_use_the_other_search(rng, name):
+    sensor = SENSORS[name]
+    centres, free, _, _, _ = scene(rng, (4, 5), 40)
+    t, wall = rng.uniform(-9, 9, 40), rng.integers(0, 4, 40)
+    nine = np.full(40, 9.0)
+    landmarks = np.column_stack([np.choose(wall, [t, nine, t, -nine]), np.choose(wall, [-nine, t, nine, t])])
+    visible = np.ones((*free.shape, 40), dtype=bool)
+    out = run(centres, free, visible, landmarks, np.zeros(40), sensor)
+    strong = 0
+    for r, c in zip(*np.nonzero(free), strict=True):
+        values, best = np.empty(1), np.empty((1, 3), dtype=np.int64)
+        args = kernel_args(sensor)
+        seen = np.arange(40)
+        assert ranked_at(*centres[r, c], seen, landmarks, np.zeros(40), args, values, best) == 1
+        assert out[2][r, c].tolist() == best[0].tolist()
+        _, _, _, rho, _, survey = nearest_first(centres[r, c], landmarks, np.zeros(40))
+        strong += strong_pairs(40, rho, survey, args, values[0]) > 40 * 4
+    assert strong > 5
 
 
 def test_visible_indices(rng):
