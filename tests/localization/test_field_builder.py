@@ -12,9 +12,10 @@ from shapely.affinity import rotate, translate
 from shapely.geometry import box
 
 from localization import field_builder
+from localization.covariance import CHI2_95
 from localization.errors import Cancelled, FieldTooLarge
 from localization.field_builder import build_field, warm_up
-from localization.sensors import LASER, MAS97_CAMERA, OmnidirectionalSensor
+from localization.sensors import LASER, MAS97_CAMERA, OmnidirectionalSensor, kernel_args
 from localization.tiles import tile_windows
 from localization.triplets import best_triplet
 from maps.errors import InvalidGeometry, TooFewLandmarks
@@ -23,8 +24,9 @@ from maps.grid import GridFrame, OccupancyGrid
 from maps.io.load import load_world
 from maps.io.site import bundled_site
 from maps.landmarks import LandmarkSet
-from maps.visibility import visible_landmarks
+from maps.visibility import compute_visibility, visible_landmarks
 from maps.world import World
+from tests.benchmarks.bench_triplets import enumerate_all, enumerate_view
 from tests.worlds import world_from_ascii
 
 HALL = """
@@ -257,6 +259,35 @@ def test_bundled_sites_have_good_and_bad_places():
         assert 0.5 < np.mean(fix) < 1.0
         r95 = field.r95[field.has_fix]
         assert np.percentile(r95, 95) > 3 * np.percentile(r95, 5)
+
+
+@pytest.mark.parametrize("name", ["mas97_room", "warehouse"])
+@pytest.mark.parametrize("sensor", [LASER, MAS97_CAMERA], ids=["laser", "mas97"])
+def test_every_cell_of_the_bundled_sites_equals_enumeration(name, sensor):
+    world = bundled_site(name)
+    field = build_field(world, sensor, resolution=0.5 if name == "warehouse" else 0.25)
+    visible = compute_visibility(world, field.frame, max_range=sensor.max_range).masks()
+    area95 = field.area95
+    centres = field.frame.centres()
+    variance = kernel_args(sensor)[1]
+    positions = world.landmarks.positions
+    assert not world.landmarks.sigma.any()
+    compared = 0
+    for row, col in zip(*np.nonzero(field.free), strict=True):
+        words = visible[row, col]
+        seen = [i for i in range(len(positions)) if int(words[i // 64]) >> (i % 64) & 1]
+        assert field.n_visible[row, col] == len(seen)
+        x, y = centres[row, col]
+        if sensor.kind == "omnidirectional":
+            best = enumerate_all(x, y, positions[seen]) / math.sqrt(3.0)
+        else:
+            best = math.sqrt(enumerate_view(x, y, positions[seen], sensor.field_of_view))
+        if not field.has_fix[row, col]:
+            assert best * 100.0 < 1e-6  # nothing, or a danger circle
+            continue
+        compared += 1
+        assert area95[row, col] == pytest.approx(math.pi * CHI2_95 * variance / best, rel=1e-9)
+    assert compared > 1000
 
 
 def test_plant_with_its_real_reflectors(shared_data):
