@@ -119,6 +119,7 @@ def serve(settings: Settings) -> None:
     StoreUnavailable
         If the data folder cannot be used.
     """
+    Store(settings).close()  # a folder that cannot be used is said before anything starts
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s %(message)s")
     config = uvicorn.Config(
         create_app(settings),
