@@ -176,6 +176,23 @@ def test_a_gap_hardly_wider_than_the_robot():
     assert result.ok, result.reason
 
 
+def test_a_passage_without_width_is_crossed_straight_and_the_rest_is_smooth():
+    def corner(x, y):
+        # Two forbidden quarters that meet at (8, 3): the way between them is a point.
+        return np.where((x > 8.0) == (y > 3.0), 0.1, 0.9)
+
+    world = world_from_ascii("\n".join(["#" * 34, *["#" + "." * 32 + "#"] * 12, "#" * 34]))
+    space = space_of(world, corner, radius=0.2, max_r95=0.5)
+    path = [[1.0, 0.9], [3.0, 2.6], [7.0, 2.0], [9.0, 4.0], [12.0, 3.5], [15.0, 5.5]]
+    assert math.isfinite(space.line_cost(path))
+    result = smooth(path, space, max_speed=1.2, max_accel=0.8)
+    assert result.ok, result.reason
+    assert result.stats["cuts"] >= 1
+    assert_good(result, path, space)
+    slow = time_polyline(path, max_speed=1.2, max_accel=0.8)
+    assert result.trajectory.duration < slow.duration
+
+
 def test_a_goal_that_is_just_far_enough_from_the_wall():
     space = space_of(HALL, flat)
     path = [[1.0, 1.0], [2.2, 4.6], [14.0, 4.7]]
