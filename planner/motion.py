@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,6 +48,7 @@ def move_along(
     max_accel: float,
     cost_limit: float,
     deadline_at: float,
+    other_way: Callable[[], FloatArray | None] = lambda: None,
 ) -> Motion:
     """Smooth a path; where that is not possible, its halves, and so on, with stops between the parts.
 
@@ -62,6 +64,8 @@ def move_along(
         The whole may not cost more; at least the cost of the polyline.
     deadline_at
         ``time.monotonic()`` after which the rest keeps its corners, s.
+    other_way
+        Asked once, when the path cannot be smoothed as a whole: another path to smooth instead.
     """
     parts: list[Trajectory] = []
     spare = max(cost_limit - cost_space.line_cost(points), 0.0)
@@ -90,6 +94,13 @@ def move_along(
             is_smooth = is_smooth or len(part) > 2
             parts.append(smoothed.trajectory)
             continue
+        if not reason and time.monotonic() < deadline_at:
+            reason = smoothed.reason
+            other = other_way()
+            if other is not None and cost_space.line_cost(other) <= cost_limit:
+                spare = cost_limit - cost_space.line_cost(other)
+                waiting = [other]
+                continue
         reason = reason or smoothed.reason
         halves = _halves(part)
         if halves is None:

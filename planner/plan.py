@@ -16,7 +16,8 @@ from planner.context import PlanningContext
 from planner.ends import check_ends
 from planner.example_context import example_context
 from planner.grid_search import Way, find_shortest, find_way
-from planner.motion import least_limit, move_along, stops_in_words
+from planner.margin import hugs_forbidden, way_with_room
+from planner.motion import Motion, least_limit, move_along, stops_in_words
 from planner.problem import PlanningProblem
 from planner.result import PlanResult, PlanStatus, Route, Trajectory
 from planner.timing import time_polyline
@@ -25,8 +26,8 @@ from planner.unmet import unmet_bounds
 Report = Callable[[PlanResult], None]
 
 # Shares of the deadline at which sampling and smoothing end: of the route, then of the shortest one.
-_ROUTE_SHARES = (0.45, 0.7)
-_SHORTEST_SHARES = (0.8, 0.95)
+_ROUTE_SHARES = (0.5, 0.75)
+_SHORTEST_SHARES = (0.85, 0.97)
 _GAIN = 1e-9
 
 
@@ -120,14 +121,7 @@ def _finish(
     if clock.is_over(sampling_end):
         work.warnings.append(_late(problem, work, "refined"))
     with clock.stage("smoothing"):
-        motion = move_along(
-            points,
-            space,
-            max_speed=problem.max_speed,
-            max_accel=problem.max_accel,
-            cost_limit=least_limit(cost, way.grid_cost),
-            deadline_at=clock.at(smoothing_end),
-        )
+        motion = _move(points, cost, way, problem, clock.at(smoothing_end))
     trajectory = motion.trajectory
     if motion.is_smooth:
         work.stages.append("casadi")
@@ -136,6 +130,25 @@ def _finish(
     with clock.stage("annotate"):
         final = np.asarray(trajectory.points)
         return annotate(trajectory, context, space, cost=_asked_cost(final, problem, context))
+
+
+def _move(points: FloatArray, cost: float, way: Way, problem: PlanningProblem, deadline_at: float) -> Motion:
+    """Smooth a path, on a way with more room where it runs along forbidden cells."""
+
+    def roomy() -> FloatArray | None:
+        return way_with_room(way, problem.start, problem.goal, deadline_at=deadline_at)
+
+    space = way.graph.cost_space
+    other = roomy() if len(points) > 2 and hugs_forbidden(points, space) else None
+    return move_along(
+        points if other is None else other,
+        space,
+        max_speed=problem.max_speed,
+        max_accel=problem.max_accel,
+        cost_limit=least_limit(cost, way.grid_cost),
+        deadline_at=deadline_at,
+        other_way=roomy if other is None else lambda: points,
+    )
 
 
 def _sample(
