@@ -111,9 +111,9 @@ def upload_map(upload: Annotated[Upload, Depends(read_upload)], service: Service
     """
     world = service.pool.parse(upload)
     record, created = service.store.add_map(world, name=upload.name)
-    findings = [
-        {"severity": f.severity, "code": f.code, "message": f.message} for f in check_world(world).findings
-    ]
+    with service.turn():
+        report = check_world(world)
+    findings = [{"severity": f.severity, "code": f.code, "message": f.message} for f in report.findings]
     return json_response(
         {**map_to_json(record), "findings": findings},
         status=201 if created else 200,
