@@ -26,7 +26,7 @@ _MANY = 2.0
 _MANY_SHARE = 0.05
 # Triplets remembered from cells nearby; with few landmarks they do not pay.
 _N_SEEDS = 6
-_SEEDED_FROM = 10
+_SEEDED_FROM = 12
 
 
 @njit(cache=True, nogil=True)

@@ -21,6 +21,12 @@ def layouts(rng, n):
     yield np.column_stack([rng.uniform(-8, 8, n), rng.choice([-4.0, 4.0], n)])
     angles = rng.uniform(0, 2 * math.pi, n)
     yield 6.0 * np.column_stack([np.cos(angles), np.sin(angles)])
+    # Two near and the others far behind, and the other way round.
+    for near, far in ((3.0, 30.0), (30.0, 9.0)):
+        spread = rng.uniform(-0.35, 0.35, n)
+        r = far * rng.uniform(0.98, 1.0, n)
+        spread[:2], r[:2] = (-0.37, 0.37), near
+        yield np.column_stack([r * np.cos(spread), r * np.sin(spread)])
     grid = rng.permutation(81)[:n]
     yield np.column_stack([grid % 9, grid // 9]) * 2.0 - 8.0  # equal azimuths, equal distances, ties
 
@@ -31,7 +37,7 @@ def test_same_as_by_strong_pairs(rng, name):
     found = 0
     for n in (3, 7, 16):
         for landmarks in layouts(rng, n):
-            for point in (rng.uniform(-3, 3, 2), np.array([1.0, 1.0])):
+            for point in (rng.uniform(-3, 3, 2), np.array([1.0, 1.0]), np.array([0.01, 0.0])):
                 heading = rng.uniform(-3, 3) if sensor.depends_on_heading else 0.0
                 sigmas = rng.choice([0.0, 0.01], n) * rng.integers(0, 2)
                 if np.min(np.hypot(*(landmarks - point).T)) < 1e-3:
@@ -42,6 +48,10 @@ def test_same_as_by_strong_pairs(rng, name):
                     np.testing.assert_array_equal(got[0], want[0])
                     np.testing.assert_array_equal(got[1], want[1])
                     found += len(want[0])
+                if len(want[0]) > 0:
+                    # Told the best value, every bound is as tight as it gets.
+                    got = search(point, landmarks, sigmas, sensor, heading, 1, want[0][0], by_span=True)
+                    np.testing.assert_array_equal(got[1], want[1][:1])
                 if len(want[0]) == 4:
                     got = search(point, landmarks, sigmas, sensor, heading, 1, want[0][2], by_span=True)
                     np.testing.assert_array_equal(got[1], want[1][:1])
