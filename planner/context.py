@@ -66,6 +66,8 @@ class PlanningContext:
         self.r95: FloatArray = frozen(field.r95)
         self.clearance = ClearanceIndex.from_world(field.world)
         self.centre_clearance: FloatArray = frozen(self.clearance.at_centres(field.frame))
+        #: The same field on smaller cells, kept by :func:`planner.narrow.refined`.
+        self.finer: PlanningContext | None = None
         self._lock = threading.Lock()
         self._graphs = _Cache(cache_bytes)
         self._costs = _Cache(cache_bytes)

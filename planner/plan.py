@@ -18,6 +18,7 @@ from planner.example_context import example_context
 from planner.grid_search import Way, find_shortest, find_way
 from planner.margin import hugs_forbidden, way_with_room
 from planner.motion import Motion, least_limit, move_along, stops_in_words
+from planner.narrow import is_disconnected, refined
 from planner.problem import PlanningProblem
 from planner.result import PlanResult, PlanStatus, Route, Trajectory
 from planner.timing import time_polyline
@@ -59,7 +60,8 @@ def plan(problem: PlanningProblem, context: PlanningContext, *, report: Report |
         ``EXACT``: bounds kept, optimal on the planning grid, then improved. ``APPROXIMATE``: bounds kept,
         but the deadline cut the grid search short, or the grid has no path and a straight line does.
         ``RISK_UNMET``: no path keeps the bounds; the route has the smallest possible bound, or drives as
-        little as possible without a fix. ``NO_PATH``: start and goal are not connected on the grid.
+        little as possible without a fix. ``NO_PATH``: start and goal are not connected: proven, or else
+        not even on finer cells, and then a warning says so.
         ``TIMEOUT``: the deadline came before any path. When it comes later, the best path so far is
         returned with a warning. No route costs more than its grid path.
 
@@ -72,8 +74,14 @@ def plan(problem: PlanningProblem, context: PlanningContext, *, report: Report |
     check_ends(problem, context)
     with clock.stage("grid"):
         way = find_way(problem, context, clock)
+        proven = way is None and is_disconnected(context, problem.radius, problem.start, problem.goal)
+        if way is None and not proven and not clock.is_over():
+            finer = refined(context)
+            if finer is not None:
+                context = finer
+                way = find_way(problem, context, clock)
     if way is None:
-        return _nothing(problem, context, clock)
+        return _nothing(problem, context, clock, proven=proven)
     work = _Work("route", _ROUTE_SHARES)
 
     def tell(points: FloatArray) -> None:
@@ -255,17 +263,16 @@ def _result(
     )
 
 
-def _nothing(problem: PlanningProblem, context: PlanningContext, clock: Clock) -> PlanResult:
-    if clock.is_over():
+def _nothing(problem: PlanningProblem, context: PlanningContext, clock: Clock, *, proven: bool) -> PlanResult:
+    status = PlanStatus.NO_PATH
+    said = f"Start and goal are not connected for a robot of radius {problem.radius:g} m."
+    if not proven and clock.is_over():
         status = PlanStatus.TIMEOUT
         said = f"The deadline of {problem.deadline:g} s came before any path was found; allow more time."
-    else:
-        status = PlanStatus.NO_PATH
-        cell = context.field.frame.resolution
-        said = (
-            f"Start and goal are not connected for a robot of radius {problem.radius:g} m on cells of "
-            f"{cell:g} m. A passage that leaves less than one cell beside the robot may be missed; "
-            "a finer field would find it."
+    elif not proven:
+        said += (
+            f" This holds on cells of {context.field.frame.resolution:g} m; a passage that leaves less than "
+            "half a cell on both sides of the robot may be missed."
         )
     stats = {f"{k}_s": v for k, v in clock.seconds.items()} | {"total_s": clock.elapsed}
     return PlanResult(status, None, None, None, "grid_search", warnings=(said,), stats=stats)

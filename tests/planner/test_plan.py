@@ -186,7 +186,21 @@ def test_no_path_is_said_when_there_is_none():
     assert result.status is PlanStatus.NO_PATH
     assert result.route is result.shortest is result.grid_cost is None
     assert "not connected" in result.warnings[0]
-    assert ask(ring(), radius=0.78, start=(1.3, 1.3), goal=(9.5, 1.3)).status is PlanStatus.NO_PATH
+    wide = ask(ring(), radius=0.78, start=(1.3, 1.3), goal=(9.5, 1.3))
+    assert wide.status is PlanStatus.NO_PATH
+
+
+def test_a_passage_that_the_grid_is_too_coarse_for_is_found_on_a_finer_one():
+    # 1.5 m wide for a robot of 1.4 m: no row of cells of 0.25 m has its centres near the middle.
+    context = ring()
+    ends = {"start": (1.3, 1.3), "goal": (9.5, 1.3)}
+    graph = context.graph(radius=0.7, weight=4.0)
+    assert graph.costs_to(ends["goal"]).path_from(ends["start"])[1] is None
+    result = ask(context, radius=0.7, **ends)
+    assert result.status is PlanStatus.EXACT
+    assert height(result.route) > 3.7
+    again = ask(context, radius=0.7, **ends)
+    np.testing.assert_array_equal(again.route.path.points, result.route.path.points)
 
 
 def test_ends_that_cannot_be_are_refused_with_a_place_that_can():

@@ -1,0 +1,69 @@
+"""Passages narrower than the grid can show: a proof that there is none, or a finer grid to find it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import label
+
+from localization.uncertainty_field import UncertaintyField
+from maps.clearance import TOUCH_M
+from planner.context import PlanningContext
+from planner.cost_to_go import Place
+
+# Sides of a cell are divided by the largest of these that keeps the finer grid below its limit of cells.
+_FACTORS = (4, 2)
+_MAX_CELLS = 4_000_000
+
+
+def is_disconnected(context: PlanningContext, radius: float, start: Place, goal: Place) -> bool:
+    """Whether it is proven that no path of a disc leads from start to goal.
+
+    A place with clearance ``radius`` lies in a cell whose centre has at least ``radius − resolution/√2``:
+    where even such cells do not connect, nothing does.
+    """
+    frame = context.field.frame
+    least = radius - frame.resolution / math.sqrt(2.0) - TOUCH_M
+    labels, _ = label(context.centre_clearance >= least, structure=np.ones((3, 3)))
+    a, b = (tuple(frame.cell_at(place)) for place in (start, goal))
+    return bool(labels[a] != labels[b])
+
+
+def refined(context: PlanningContext) -> PlanningContext | None:
+    """The same field on cells of a half or a quarter the size; None where there would be too many.
+
+    Every small cell has the values of the cell that it is a part of, so costs and figures are the same. The
+    context keeps it.
+    """
+    if context.finer is not None:
+        return context.finer
+    field = context.field
+    factors = [k for k in _FACTORS if k * k * field.free.size <= _MAX_CELLS]
+    if not factors:
+        return None
+    k = factors[0]
+    frame = field.frame.resampled(field.frame.resolution / k)
+    if frame.shape != (k * field.frame.n_rows, k * field.frame.n_cols):
+        return None
+
+    def spread(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        return np.repeat(np.repeat(values, k, axis=0), k, axis=1)
+
+    context.finer = PlanningContext(
+        UncertaintyField(
+            world=field.world,
+            sensor=field.sensor,
+            frame=frame,
+            heading=field.heading,
+            free=spread(field.free),
+            covariance=spread(field.covariance),
+            sigma_theta=spread(field.sigma_theta),
+            triplet=spread(field.triplet),
+            pan=spread(field.pan),
+            n_visible=spread(field.n_visible),
+        )
+    )
+    return context.finer
