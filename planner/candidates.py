@@ -27,7 +27,7 @@ _LEAST_SPACING_M = 0.1
 _MAX_STATIONS = 1500
 _SIGMA_M = 0.4
 _SIGMA_AGAIN_M = 0.15
-_REPAIRS = 4
+_REPAIRS = 3
 # Margin added where a chord misses its clearance: this much of what misses, and a little; in forbidden cells.
 _WIDEN_SHARE = 1.5
 _WIDEN_M = 0.003

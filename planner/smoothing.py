@@ -42,10 +42,11 @@ class SmoothResult:
     trajectory
         The smooth one; where ``ok`` is False the polyline with stops at its corners.
     reason
-        Why not, in words; empty when ok.
+        Why not, or why the trajectory stops on the way; empty when it is smooth from start to goal.
     stats
-        ``cost`` (of the polyline of the samples), ``cost_limit``, ``programmes`` (quadratic programmes
-        solved), ``seconds``; what is known.
+        ``cost`` (of the polyline of the samples), ``cost_limit``, ``cuts`` (places that allow no smooth way:
+        a metre around each is driven as it is, with stops), ``programmes`` (quadratic programmes solved),
+        ``seconds``; what is known.
     """
 
     ok: bool
@@ -72,7 +73,9 @@ def smooth(
 
     Several weights ``bend`` are tried. Of the candidates that pass the checks, the fastest that costs at most
     1.001 times the polyline is returned; where there is none, because the polyline winds through cells as no
-    smooth curve can, the cheapest that costs at most 1.03 times as much.
+    smooth curve can, the cheapest that costs at most 1.03 times as much. Where some place allows no smooth
+    way at all, as a passage without width between two forbidden cells, the path is cut there: the parts
+    before and after are smoothed, half a metre to both sides stays as it is.
 
     Parameters
     ----------
@@ -114,7 +117,7 @@ def smooth(
     if best is None:
         return SmoothResult(ok=False, trajectory=fallback, reason=reason, stats=stats)
     stats |= {"cost": best.cost, "cuts": float(task.cuts)}
-    return SmoothResult(ok=True, trajectory=best.trajectory, stats=stats)
+    return SmoothResult(ok=True, trajectory=best.trajectory, reason=reason, stats=stats)
 
 
 def warm_up() -> None:
@@ -135,7 +138,7 @@ class _Task:
     cuts: int = 0
 
     def solve(self, p: FloatArray, cost: float, limit: float, cuts_left: int) -> tuple[Candidate | None, str]:
-        """The best motion along a polyline, in pieces if need be; or None and why."""
+        """The best motion along a polyline, or None; and why it is None or in pieces."""
         search = CandidateSearch(
             self.space,
             self.max_speed,
@@ -146,8 +149,10 @@ class _Task:
         )
         search.run(p)
         self.programmes += search.programmes
-        if search.best is not None or search.trouble is None or cuts_left == 0:
-            return search.best, search.reason
+        if search.best is not None:
+            return search.best, ""
+        if search.trouble is None or cuts_left == 0:
+            return None, search.reason
         before, middle, after = cut_around(p, search.trouble, _CUT_M)
         self.cuts += 1
         motions = [
@@ -157,7 +162,7 @@ class _Task:
         ]
         whole = joined(motions)
         cost = self.space.line_cost(whole.points)
-        return (Candidate(whole, cost), "") if cost <= limit else (None, search.reason)
+        return Candidate(whole, cost) if cost <= limit else None, search.reason
 
     def _part(self, p: FloatArray, cuts_left: int) -> Trajectory:
         cost = self.space.line_cost(p)

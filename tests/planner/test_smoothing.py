@@ -188,6 +188,7 @@ def test_a_passage_without_width_is_crossed_straight_and_the_rest_is_smooth():
     result = smooth(path, space, max_speed=1.2, max_accel=0.8)
     assert result.ok, result.reason
     assert result.stats["cuts"] >= 1
+    assert "smooth path" in result.reason
     assert_good(result, path, space)
     slow = time_polyline(path, max_speed=1.2, max_accel=0.8)
     assert result.trajectory.duration < slow.duration
