@@ -84,7 +84,7 @@ def refine_with_ompl(
 
     Notes
     -----
-    [Karaman2011] (RRT*), [Gammell2014] (drawing only from where a better path can be).
+    [KF11] (RRT*), [GSB14] (drawing only from where a better path can be).
     """
     began = time.monotonic()
     warm = distinct_points(warm_path)
