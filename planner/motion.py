@@ -65,52 +65,79 @@ def move_along(
     deadline_at
         ``time.monotonic()`` after which the rest keeps its corners, s.
     other_way
-        Asked once, when the path cannot be smoothed as a whole: another path to smooth instead.
+        Asked once, when the robot has to stop on the way: another path, taken if that is faster.
     """
-    parts: list[Trajectory] = []
-    spare = max(cost_limit - cost_space.line_cost(points), 0.0)
-    waiting = [points]
-    is_smooth = False
-    reason = ""
-    while waiting:
-        part = waiting.pop()
-        if len(part) > 2 and time.monotonic() >= deadline_at:
-            reason = reason or "the deadline came first"
-            parts.append(time_polyline(part, max_speed=max_speed, max_accel=max_accel))
-            continue
-        cost = cost_space.line_cost(part)
-        smoothed = smoothing.smooth(
-            part,
-            cost_space,
-            max_speed=max_speed,
-            max_accel=max_accel,
-            cost_limit=cost + spare,
-            # What fails takes longest: leave time for its halves.
-            deadline_at=0.5 * (time.monotonic() + deadline_at),
-        )
-        final = cost_space.line_cost(smoothed.trajectory.points)
-        if smoothed.ok and final <= cost + spare:
-            spare -= max(final - cost, 0.0)
-            is_smooth = is_smooth or len(part) > 2
-            parts.append(smoothed.trajectory)
-            continue
-        if not reason and time.monotonic() < deadline_at:
-            reason = smoothed.reason
-            other = other_way()
-            if other is not None and cost_space.line_cost(other) <= cost_limit:
-                spare = cost_limit - cost_space.line_cost(other)
-                waiting = [other]
-                continue
-        reason = reason or smoothed.reason
-        halves = _halves(part)
-        if halves is None:
-            parts.append(time_polyline(part, max_speed=max_speed, max_accel=max_accel))
-        else:
-            waiting.extend(reversed(halves))
-    trajectory = _joined(parts)
-    speed = np.hypot(*np.asarray(trajectory.velocity).T)
-    n_stops = int(np.count_nonzero(speed[1:-1] == 0.0))
+    limits = _Limits(cost_space, max_speed, max_accel, deadline_at)
+    best = limits.smooth(points, cost_limit)
+    if _stops(best.trajectory) and time.monotonic() < deadline_at:
+        other = other_way()
+        if other is not None and cost_space.line_cost(other) <= cost_limit:
+            second = limits.smooth(other, cost_limit)
+            if second.trajectory.duration < best.trajectory.duration:
+                points, best = other, second
+    trajectory, is_smooth, reason = best.trajectory, best.ok and len(points) > 2, best.reason
+    if not best.ok:
+        trajectory, is_smooth = limits.in_parts(points, cost_limit)
+    n_stops = _stops(trajectory)
     return Motion(trajectory, is_smooth, n_stops, reason if n_stops else "")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Limits:
+    """What a motion has to keep."""
+
+    space: CostSpace
+    max_speed: float
+    max_accel: float
+    deadline_at: float
+
+    def smooth(self, points: FloatArray, cost_limit: float) -> smoothing.SmoothResult:
+        """Smooth a path; ok only if its cost is indeed within the limit."""
+        found = smoothing.smooth(
+            points,
+            self.space,
+            max_speed=self.max_speed,
+            max_accel=self.max_accel,
+            cost_limit=cost_limit,
+            deadline_at=self.deadline_at,
+        )
+        if found.ok and self.space.line_cost(found.trajectory.points) > cost_limit:
+            return smoothing.SmoothResult(
+                ok=False, trajectory=self.stopping(points), reason="it costs too much"
+            )
+        return found
+
+    def stopping(self, points: FloatArray) -> Trajectory:
+        """The polyline with stops at its corners."""
+        return time_polyline(points, max_speed=self.max_speed, max_accel=self.max_accel)
+
+    def in_parts(self, points: FloatArray, cost_limit: float) -> tuple[Trajectory, bool]:
+        """Smooth the halves of a path, or their halves, and so on; and whether that helped anywhere."""
+        spare = max(cost_limit - self.space.line_cost(points), 0.0)
+        parts: list[Trajectory] = []
+        is_smooth = False
+        halves = _halves(points)
+        waiting = [points] if halves is None else [*reversed(halves)]
+        while waiting:
+            part = waiting.pop()
+            cost = self.space.line_cost(part)
+            found = None
+            if halves is not None and time.monotonic() < self.deadline_at:
+                found = self.smooth(part, cost + spare)
+            if found is not None and found.ok:
+                spare -= max(self.space.line_cost(found.trajectory.points) - cost, 0.0)
+                is_smooth = is_smooth or len(part) > 2
+                parts.append(found.trajectory)
+            elif found is None or (smaller := _halves(part)) is None:
+                parts.append(self.stopping(part))
+            else:
+                waiting.extend(reversed(smaller))
+        return _joined(parts), is_smooth
+
+
+def _stops(trajectory: Trajectory) -> int:
+    speed = np.hypot(*np.asarray(trajectory.velocity).T)
+    return int(np.count_nonzero(speed[1:-1] == 0.0))
 
 
 def _halves(points: FloatArray) -> tuple[FloatArray, FloatArray] | None:

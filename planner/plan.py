@@ -255,7 +255,7 @@ def _result(
         status=status,
         route=route,
         shortest=shortest,
-        grid_cost=way.grid_cost,
+        grid_cost=None if way.is_blind_forced else way.grid_cost,
         planner="+".join(work.stages),
         unmet=unmet,
         warnings=tuple(dict.fromkeys(work.warnings)),
