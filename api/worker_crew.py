@@ -20,6 +20,8 @@ from localization.errors import Cancelled
 log = logging.getLogger("surepath.workers")
 
 _LONGEST_PAUSE_S = 30.0
+#: So many workers compile the kernels; the others would only compile the same ones again.
+_FIRST = 2
 
 
 class Overloaded(WorkerError):
@@ -69,7 +71,7 @@ class WorkerCrew:
         self._builds = 0
         self._started = 0
         self._failures = 0
-        self._warm = False  # the first worker is: the kernels are compiled
+        self._warm = False  # some worker is: the kernels are compiled
         self._ready = False
         self._closed = False
         self._changed = threading.Condition()
@@ -77,7 +79,7 @@ class WorkerCrew:
         self._supervisor = threading.Thread(target=self._supervise, name="worker-supervisor", daemon=True)
 
     def start(self) -> None:
-        """Start the first worker; the others follow when it has compiled the kernels. Returns at once."""
+        """Start two workers; the others follow when the kernels are compiled. Returns at once."""
         self._supervisor.start()
 
     @property
@@ -259,12 +261,13 @@ class WorkerCrew:
                 missing = self._size - len(self._workers)
                 starting = [w for w in self._workers if w.state is State.STARTING]
                 idle = [w for w in self._workers if w.state is State.IDLE]
-            if missing and now >= pause_until and (self._warm or not starting):
-                self._spawn(missing if self._warm else 1)
+            count = missing if self._warm else min(missing, _FIRST - len(starting))
+            if count > 0 and now >= pause_until:
+                self._spawn(count)
                 continue
             lines = {w.line: w for w in starting}
             ends = {w.process.sentinel: w for w in (*starting, *idle)}
-            timeout = max(0.0, pause_until - now) if missing and not starting else 1.0
+            timeout = max(0.0, pause_until - now) if count > 0 else 1.0
             for event in wait([self._wake_reader, *lines, *ends], timeout or 0.05):
                 if event is self._wake_reader:
                     self._wake_reader.recv_bytes()

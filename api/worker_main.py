@@ -27,13 +27,14 @@ class Program:
     Attributes
     ----------
     warm_up
-        Called once, before the worker says that it is ready.
+        Steps that are done once, in any order, before the worker says that it is ready. Workers begin with
+        different ones, so that two of them, started together, share what has to be compiled.
     tasks
         By name: functions of a :class:`Channel` and keyword arguments. What they return, and every
         :class:`~maps.errors.SurepathError` they raise, goes back to the caller.
     """
 
-    warm_up: Callable[[], None]
+    warm_up: tuple[Callable[[], None], ...]
     tasks: Mapping[str, Callable[..., Any]]
 
 
@@ -68,7 +69,7 @@ class Channel:
         return self._stop.is_set()
 
 
-def worker_main(line: Connection, program_name: str) -> None:
+def worker_main(line: Connection, program_name: str, number: int) -> None:
     """Serve tasks until the service hangs up or dies.
 
     Messages to the worker: ``("task", number, name, arguments)`` and ``("cancel", number)``. From it:
@@ -91,15 +92,18 @@ def worker_main(line: Connection, program_name: str) -> None:
     try:
         module, name = program_name.split(":")
         program: Program = getattr(import_module(module), name)
-        program.warm_up()
+        steps = program.warm_up
+        first = number % max(1, len(steps))
+        for step in (*steps[first:], *steps[:first]):
+            step()
     except Exception as error:  # noqa: BLE001  (told to the service, which tries again later)
         send("crash", _words(error))
         return
     send("ready", os.getpid())
     memory: dict[str, Any] = {}
     while True:
-        number, name, arguments = inbox.get()
-        channel = Channel(send, cancelled[number], memory)
+        task, name, arguments = inbox.get()
+        channel = Channel(send, cancelled[task], memory)
         try:
             result = program.tasks[name](channel, **arguments)
         except SurepathError as error:
@@ -109,7 +113,7 @@ def worker_main(line: Connection, program_name: str) -> None:
         else:
             send("done", result)
         finally:
-            del cancelled[number]
+            del cancelled[task]
             arguments, result = {}, None  # nothing big is kept while the worker waits
 
 

@@ -56,7 +56,7 @@ class Worker:
         context = SpawnContext()
         self.line, far_end = context.Pipe()
         self.process = context.Process(
-            target=worker_main, args=(far_end, program), name=f"surepath-worker-{number}", daemon=True
+            target=worker_main, args=(far_end, program, number), name=f"surepath-worker-{number}", daemon=True
         )
         self.process.start()
         far_end.close()  # so that its death is the end of the line

@@ -42,12 +42,6 @@ _CACHE_BYTES = (32 * 2**20, 256 * 2**20)
 _LOW_PRIORITY = 10
 
 
-def warm_up() -> None:
-    """Compile, or load from the cache, everything that a task will run."""
-    field_builder.warm_up()
-    planning.warm_up()
-
-
 def build(channel: Channel, order: FieldOrder) -> tuple[int, str]:
     """Compute a field and write it; returns its bytes and checksum.
 
@@ -218,4 +212,8 @@ def _memory_limit(extra: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_AS, before)
 
 
-PROGRAM = Program(warm_up, {"build": build, "load": load, "plan": plan, "parse": parse})
+#: Compiles, or loads from the cache, everything that a task will run.
+PROGRAM = Program(
+    (field_builder.warm_up, planning.warm_up),
+    {"build": build, "load": load, "plan": plan, "parse": parse},
+)

@@ -61,7 +61,7 @@ class WorkerPool:
         return self._crew.ready
 
     def start(self) -> None:
-        """Start the first worker; the others follow when it has compiled the kernels. Returns at once."""
+        """Start two workers; the others follow when the kernels are compiled. Returns at once."""
         self._crew.start()
 
     def wait_ready(self, timeout: float) -> bool:

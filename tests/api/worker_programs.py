@@ -127,5 +127,5 @@ def broken_warm_up():
 
 
 TASKS = {"build": build, "load": load, "plan": plan, "parse": parse}
-PROGRAM = Program(nothing, TASKS)
-BROKEN = Program(broken_warm_up, TASKS)
+PROGRAM = Program((nothing,), TASKS)
+BROKEN = Program((nothing, broken_warm_up), TASKS)
