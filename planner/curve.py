@@ -97,7 +97,10 @@ def curve_through(points: FloatArray) -> Curve:
     chord = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     spline = CubicSpline(chord, points, bc_type="natural")
     n = int(np.clip(math.ceil(chord[-1] / DENSE_M), 8, _MAX_DENSE))
-    u = np.linspace(0.0, chord[-1], n + 1)
+    # Closer at the ends, which may lie just as near to a wall as allowed: chords there miss the curve least.
+    even = np.linspace(0.0, 1.0, n + 1)
+    near = np.array([0.125, 0.25, 0.5]) / n
+    u = chord[-1] * np.concatenate([even[:1], near, even[1:-1], 1.0 - near[::-1], even[-1:]])
     slope = spline(u, 1)
     bend = spline(u, 2)
     speed = np.hypot(slope[:, 0], slope[:, 1])
