@@ -76,3 +76,39 @@ def shorten(
         keep(fine)
         pull()
     return best, best_cost
+
+
+def with_fewer_corners(points: npt.ArrayLike, cost_space: CostSpace, limit: float) -> FloatArray:
+    """A polyline without the corners that cost least to leave out, for a robot that stops at each.
+
+    Parameters
+    ----------
+    points
+        Shape (K, 2), W, m: a valid path. Its ends stay.
+    cost_space
+        What is allowed, and at which cost.
+    limit
+        The result costs at most this, or as much as the path given.
+
+    Returns
+    -------
+    points
+        Shape (M, 2): a part of the points given.
+    """
+    p = np.array(points, dtype=np.float64, order="C")
+    spare = limit - cost_space.line_cost(p)
+    while len(p) > 2:
+        costs = cost_space.motion_costs(p[:-1], p[1:])
+        loss = cost_space.motion_costs(p[:-2], p[2:]) - costs[:-1] - costs[1:]
+        drop = np.zeros(len(p), dtype=np.bool_)
+        for k in np.argsort(loss, kind="stable"):
+            if loss[k] > spare:
+                break
+            # Losses of neighbours change with each other.
+            if not (drop[k] or drop[k + 1] or drop[k + 2]):
+                drop[k + 1] = True
+                spare -= max(loss[k], 0.0)
+        if not drop.any():
+            break
+        p = p[~drop]
+    return p

@@ -10,6 +10,7 @@ import numpy as np
 
 from maps.arrays import FloatArray
 from planner import smoothing
+from planner.any_angle import with_fewer_corners
 from planner.cost_space import CostSpace
 from planner.result import Trajectory
 from planner.timing import time_polyline
@@ -77,6 +78,7 @@ def move_along(
                 points, best = other, second
     trajectory, is_smooth, reason = best.trajectory, best.ok and len(points) > 2, best.reason
     if not best.ok:
+        points = with_fewer_corners(points, cost_space, cost_limit)
         trajectory, is_smooth = limits.in_parts(points, cost_limit)
     n_stops = _stops(trajectory)
     return Motion(trajectory, is_smooth, n_stops, reason if n_stops else "")

@@ -8,7 +8,7 @@ import time
 import numpy as np
 import pytest
 
-from planner.any_angle import shorten
+from planner.any_angle import shorten, with_fewer_corners
 from planner.context import PlanningContext
 from tests.fields import synthetic_field
 from tests.planner.test_cost_to_go import random_world
@@ -71,3 +71,19 @@ def test_one_point_and_no_time():
     np.testing.assert_array_equal(late, path)
     assert cost == space.line_cost(path)
     assert len(shorten(path, space)[0]) == 2
+
+
+def test_fewer_corners_within_a_limit(rng):
+    world = world_from_ascii(CORNER)
+    space = PlanningContext(synthetic_field(world, 0.25)).graph(radius=0.3, weight=0.0).cost_space
+    x = np.linspace(1.0, 4.4, 30)
+    wavy = np.column_stack([x, 2.0 + 0.05 * rng.standard_normal(30)])
+    cost = space.line_cost(wavy)
+    np.testing.assert_array_equal(with_fewer_corners(wavy, space, 10 * cost), wavy[[0, -1]])
+    for limit in (cost, 1.01 * cost):
+        fewer = with_fewer_corners(wavy, space, limit)
+        assert 2 <= len(fewer) < 30
+        assert space.line_cost(fewer) <= limit * (1 + 1e-12)
+        np.testing.assert_array_equal(fewer[[0, -1]], wavy[[0, -1]])
+    around = np.array([[9.0, 3.2], [4.5, 2.9], [4.5, 1.1], [9.0, 0.8]])
+    assert len(with_fewer_corners(around, space, 1e9)) >= 3
