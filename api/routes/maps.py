@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Request
-from maps.check import check_world
 from starlette.responses import Response
 
 from api import answers
@@ -18,6 +17,7 @@ from api.render import map_png
 from api.routes.common import NOT_MODIFIED, answer, binary, json_response, problems
 from api.store_records import MapRecord
 from api.uploads import Upload, read_upload
+from maps.check import check_world
 from maps.io.world_file import world_to_geojson
 
 UPLOAD_PATH = "/v1/maps"

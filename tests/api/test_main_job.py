@@ -57,7 +57,7 @@ def _plan(client, field: str, start, goal, **more):
         "start": {"x_m": start[0], "y_m": start[1]},
         "goal": {"x_m": goal[0], "y_m": goal[1]},
         "robot": {"radius_m": 0.3},
-        "deadline_s": 5.0,
+        "deadline_s": 20.0,
         **more,
     }
     return client.post("/v1/plans", json=body)
