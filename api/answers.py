@@ -234,8 +234,8 @@ class Motion(Answer):
     ay_m_s2: float
 
 
-class Route(Answer):
-    """One way to go."""
+class Baseline(Answer):
+    """A route to compare with: where it runs and what it costs."""
 
     cost: float | None
     length_m: float | None
@@ -243,6 +243,11 @@ class Route(Answer):
     min_clearance_m: float | None
     uncertainty: Uncertainty
     path: list[Waypoint]
+
+
+class Route(Baseline):
+    """One way to go, in time."""
+
     trajectory: list[Motion]
 
 
@@ -271,7 +276,7 @@ class Plan(Answer):
     client_ref: str | None
     request: dict[str, Any] = Field(description="The question, every default filled in.")
     routes: list[Route]
-    shortest_baseline: Route | None = Field(description="Shortest route of the same robot, for comparison.")
+    shortest_baseline: Baseline | None = Field(description="Shortest route of the robot, to compare with.")
     grid_cost: float | None
     unmet: list[Unmet]
     warnings: list[str]

@@ -10,8 +10,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from maps.io.load import load_world
-from maps.io.site import bundled_site, bundled_site_names
 from rich.table import Table
 from typer.exceptions import TyperException
 
@@ -20,6 +18,8 @@ from api.console import err, field_table, out, print_plan, progress_bar
 from localization.sensors import PRESETS, Sensor
 from localization.uncertainty_field import METRICS
 from maps.errors import MapFormatError, SurepathError
+from maps.io.load import load_world
+from maps.io.site import bundled_site, bundled_site_names
 from maps.world import World
 
 EXIT_MISTAKE = 1
@@ -169,7 +169,6 @@ def field(
     sensor, so that plans need nothing else.
     """
     from localization.field_builder import build_field  # noqa: PLC0415
-
     from localization.io.field_file import check_target, save_field  # noqa: PLC0415
 
     chosen = read_sensor(sensor)
@@ -271,12 +270,11 @@ def plan(
 
     Exit code 3 when no path keeps the bound (the best effort is written all the same).
     """
+    from api.codec import plan_to_json  # noqa: PLC0415
+    from localization.io.field_file import load_field  # noqa: PLC0415
     from planner.context import PlanningContext  # noqa: PLC0415
     from planner.plan import plan as make_plan  # noqa: PLC0415
     from planner.plan import warm_up  # noqa: PLC0415
-
-    from api.codec import plan_to_json  # noqa: PLC0415
-    from localization.io.field_file import load_field  # noqa: PLC0415
     from planner.problem import PlanningProblem  # noqa: PLC0415
 
     problem = PlanningProblem(
@@ -314,24 +312,39 @@ def plan(
 
 @app.command()
 def serve(
-    host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(help="Port to listen on.")] = 8080,
-    data_dir: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Where maps and fields are kept.")
+    host: Annotated[
+        str | None, typer.Option(help="Address to listen on; default SUREPATH_HOST or 127.0.0.1.")
     ] = None,
-    preload: Annotated[bool, typer.Option(help="Put the bundled warehouse into an empty store.")] = True,
+    port: Annotated[
+        int | None, typer.Option(help="Port to listen on; default SUREPATH_PORT or 8080.")
+    ] = None,
+    data_dir: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Where maps and fields are kept; default SUREPATH_DATA_DIR."),
+    ] = None,
+    preload: Annotated[
+        bool | None, typer.Option("--preload/--no-preload", help="Put the warehouse into an empty store.")
+    ] = None,
     insecure: Annotated[
-        bool, typer.Option("--insecure", help="Allow an address that other machines reach, without keys.")
-    ] = False,
+        bool | None,
+        typer.Option("--insecure", help="Allow an address that other machines reach, without keys."),
+    ] = None,
 ) -> None:
-    """Run the service: REST API, documentation page, worker processes. Stop it with Ctrl-C."""
+    """Run the service: REST API, documentation page, worker processes. Stop it with Ctrl-C.
+
+    What is not given is read from the environment (SUREPATH_…); GET /v1/status shows every setting.
+    """
     from api.app import serve as run  # noqa: PLC0415
     from api.settings import Settings  # noqa: PLC0415
 
-    given: dict[str, Any] = {"host": host, "port": port, "preload": preload, "insecure": insecure}
-    if data_dir is not None:
-        given["data_dir"] = data_dir
-    run(Settings(**given))
+    given: dict[str, Any] = {
+        "host": host,
+        "port": port,
+        "preload": preload,
+        "insecure": insecure,
+        "data_dir": data_dir,
+    }
+    run(Settings(**{name: value for name, value in given.items() if value is not None}))
 
 
 @app.command()

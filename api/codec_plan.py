@@ -77,7 +77,9 @@ def plan_to_json(
         "client_ref": client_ref,
         "request": problem_to_json(problem),
         "routes": [] if result.route is None else [route_to_json(result.route, names)],
-        "shortest_baseline": None if result.shortest is None else route_to_json(result.shortest, names),
+        "shortest_baseline": None
+        if result.shortest is None
+        else route_to_json(result.shortest, names, with_trajectory=False),
         "grid_cost": number(result.grid_cost),
         "unmet": [_unmet(u) for u in result.unmet],
         "warnings": [*warnings, *result.warnings],
@@ -119,13 +121,15 @@ def numbers(values: npt.ArrayLike) -> list[float | None]:
     return [v if math.isfinite(v) else None for v in np.asarray(values, dtype=np.float64).tolist()]
 
 
-def route_to_json(route: Route, names: Sequence[str]) -> dict[str, Any]:
-    """Figures, waypoints and motion of one route."""
-    return {
-        **_figures(route.summary),
-        "path": _path(route.path, route.trajectory, names),
-        "trajectory": _trajectory(route.trajectory),
-    }
+def route_to_json(route: Route, names: Sequence[str], *, with_trajectory: bool = True) -> dict[str, Any]:
+    """Figures, waypoints and motion of one route; places in nanometres, times in nanoseconds."""
+    motion = {"trajectory": _trajectory(route.trajectory)} if with_trajectory else {}
+    return {**_figures(route.summary), "path": _path(route.path, route.trajectory, names), **motion}
+
+
+def _rounded(values: npt.ArrayLike, digits: int = 9) -> FloatArray:
+    # Nobody measures a nanometre; shorter numbers make answers half as long.
+    return np.asarray(np.round(np.asarray(values, dtype=np.float64), digits))
 
 
 def _figures(summary: RouteSummary) -> dict[str, Any]:
@@ -146,21 +150,18 @@ def _figures(summary: RouteSummary) -> dict[str, Any]:
 
 
 def _path(path: Path, trajectory: Trajectory, names: Sequence[str]) -> list[dict[str, Any]]:
-    ellipse = cov.ellipse95(path.covariance)
-    sigma_max = numbers(np.sqrt(cov.max_eigenvalue(path.covariance)))
-    times = numbers(_times_at(path.s, trajectory))
     columns = zip(
-        path.points.tolist(),
-        numbers(path.s),
-        numbers(path.heading),
-        path.covariance.tolist(),
-        numbers(path.r95),
-        sigma_max,
-        ellipse.tolist(),
+        _rounded(path.points).tolist(),
+        numbers(_rounded(path.s)),
+        numbers(_rounded(path.heading)),
+        _rounded(path.covariance, 15).tolist(),
+        numbers(_rounded(path.r95)),
+        numbers(_rounded(np.sqrt(cov.max_eigenvalue(path.covariance)))),
+        _rounded(cov.ellipse95(path.covariance)).tolist(),
         path.triplet.tolist(),
-        numbers(path.pan),
-        numbers(path.clearance),
-        times,
+        numbers(_rounded(path.pan)),
+        numbers(_rounded(path.clearance)),
+        numbers(_rounded(_times_at(path.s, trajectory))),
         strict=True,
     )
     out = []
@@ -195,8 +196,8 @@ def _times_at(s: FloatArray, trajectory: Trajectory) -> FloatArray:
 
 
 def _trajectory(trajectory: Trajectory) -> list[dict[str, float]]:
-    rows = np.column_stack(
-        [trajectory.t, trajectory.points, trajectory.velocity, trajectory.acceleration]
+    rows = _rounded(
+        np.column_stack([trajectory.t, trajectory.points, trajectory.velocity, trajectory.acceleration])
     ).tolist()
     keys = ("t_s", "x_m", "y_m", "vx_m_s", "vy_m_s", "ax_m_s2", "ay_m_s2")
     return [dict(zip(keys, row, strict=True)) for row in rows]

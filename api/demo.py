@@ -15,17 +15,17 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from maps.io.site import bundled_site_text
 from rich.console import Console
 
 from api.console import print_plan, progress_bar
 from maps.errors import SurepathError
+from maps.io.site import bundled_site_text
 
 SITE = "warehouse"
 SENSOR: dict[str, Any] = {"kind": "omnidirectional", "bearing_sigma_deg": 0.1, "max_range_m": 30.0}
 START = {"x_m": 6.2, "y_m": 18.0}
 GOAL = {"x_m": 54.0, "y_m": 17.0}
-START_TIMEOUT_S = 90.0
+START_TIMEOUT_S = 180.0
 
 
 class DemoError(SurepathError):
@@ -76,7 +76,7 @@ def running_service(folder: Path) -> Iterator[Client]:
     Raises
     ------
     DemoError
-        If it ends or is not ready within 90 s; its last words are in the message.
+        If it ends or is not ready within 180 s; its last words are in the message.
     """
     port = free_port()
     command = [sys.executable, "-m", "api.cli", "serve", "--port", str(port), "--no-preload"]

@@ -31,4 +31,5 @@ def test_the_demonstration_shows_the_main_job_and_ends(tmp_path):
     assert shortest["length_m"] <= chosen["length_m"]
     assert chosen["min_clearance_m"] >= -1e-6
     for name in ("heatmap.png", "plan.png"):
-        assert Image.open(tmp_path / "out" / name).width > 1000
+        with Image.open(tmp_path / "out" / name) as image:
+            assert image.width > 1000
