@@ -446,3 +446,71 @@ def ranked_triplets(point, landmarks, survey_sigmas, sensor, heading=0.0):
         if fix is not None:
             out.append((float(np.linalg.det(fix[0])), (i, j, k)))
     return sorted(out)
+
+
+# --- belief along a path ---
+
+
+def moved_by(pose, distance, turn, slip=0.0):
+    """Pose after an arc, in a thousand small straight pieces; the slip is a sideways step at half the turn."""
+    x, y, theta = pose
+    for _ in range(1000):
+        middle = theta + turn / 2000
+        x += distance / 1000 * math.cos(middle)
+        y += distance / 1000 * math.sin(middle)
+        theta += turn / 1000
+    side = pose[2] + turn / 2 + math.pi / 2
+    return np.array([x + slip * math.cos(side), y + slip * math.sin(side), theta])
+
+
+def numeric_jacobian(function, at, step=1e-6):
+    """Central differences of a vector function."""
+    columns = []
+    for i in range(len(at)):
+        high, low = np.array(at, float), np.array(at, float)
+        high[i] += step
+        low[i] -= step
+        columns.append((np.asarray(function(high)) - np.asarray(function(low))) / (2 * step))
+    return np.array(columns).T
+
+
+def kalman_update(mean, covariance, innovation, measurement_matrix, noise):
+    """Posterior mean and covariance in information form; the prior must be invertible."""
+    H, R = np.atleast_2d(measurement_matrix), np.atleast_2d(noise)
+    P = np.linalg.inv(np.linalg.inv(covariance) + H.T @ np.linalg.inv(R) @ H)
+    return mean + P @ H.T @ np.linalg.inv(R) @ np.atleast_1d(innovation), P
+
+
+def belief_along(poses, covariance, odometry_sigmas, sightings):
+    """Covariances (K, 3, 3): straight legs between poses, then the bearings [(landmark, sigma), …] seen there."""
+    distance_sigma, turn_sigma, drift_sigma, slip_sigma = odometry_sigmas
+    out = []
+    for i, seen in enumerate(sightings):
+        if i > 0:
+            step = poses[i][:2] - poses[i - 1][:2]
+            turn = math.remainder(poses[i][2] - poses[i - 1][2], 2 * math.pi)
+            phi = poses[i - 1][2] + turn / 2
+            d = (step @ [math.cos(phi), math.sin(phi)]) / (math.sin(turn / 2) / (turn / 2) if turn else 1.0)
+
+            def arc(q, before=poses[i - 1]):
+                return moved_by(before, q[0], q[1], q[2])
+
+            G = numeric_jacobian(arc, [d, turn, 0.0])
+            F = numeric_jacobian(lambda q, d=d, turn=turn: moved_by(q, d, turn), poses[i - 1])
+            M = np.diag(
+                [
+                    distance_sigma**2 * abs(d),
+                    turn_sigma**2 * abs(turn) + drift_sigma**2 * abs(d),
+                    slip_sigma**2 * abs(d),
+                ]
+            )
+            covariance = F @ covariance @ F.T + G @ M @ G.T
+        if len(seen) >= 3:
+            rows = []
+            for (lx, ly), _ in seen:
+                dx, dy = lx - poses[i][0], ly - poses[i][1]
+                rows.append([dy / (dx * dx + dy * dy), -dx / (dx * dx + dy * dy), -1.0])
+            noise = np.diag([s**2 for _, s in seen])
+            _, covariance = kalman_update(np.zeros(3), covariance, np.zeros(len(seen)), rows, noise)
+        out.append(covariance)
+    return np.array(out)
