@@ -39,7 +39,8 @@ class Path:
     triplet
         Shape (N, 3), int16: landmark indices, -1 where blind.
     pan
-        Shape (N,): rad, NaN where blind or without a pan head.
+        Shape (N,): optical axis relative to the direction of travel (for a field that depends on the heading:
+        to the heading that it was computed for), rad; NaN where blind or without a pan head.
     clearance
         Shape (N,): distance from the robot's centre to the nearest obstacle, minus its radius, m.
     """
@@ -94,7 +95,8 @@ class Trajectory:
 class RouteSummary:
     """Figures of one route; lengths in m, areas in m², times in s.
 
-    ``cost`` is the objective's integral along the path. Means are per metre driven over the part with a
+    ``cost`` is the objective's integral along the path, bounds left aside; inf where it drives without a fix
+    and the question has no ``blind_r95``. Means are per metre driven over the part with a
     fix; ``blind`` is the length without one; ``worst_at`` the arc length where r95 is largest.
     ``mean_r95`` and the other figures of uncertainty are None when the whole route is blind.
     """
@@ -129,9 +131,9 @@ class Unmet:
     bound
         Name of the constraint: ``max_r95_m`` or ``blind``.
     limit, value
-        What was asked and what the route has, m.
+        What was asked and what the route has, m; for ``blind`` 0 and the length without a fix.
     place
-        (x, y) in W, m, of the worst point.
+        (x, y) in W, m, of the worst point; for ``blind`` of the first without a fix.
     smallest_possible
         The smallest bound for which a path exists, m; None if none does.
     message
@@ -159,7 +161,8 @@ class PlanResult:
     shortest
         The shortest route for the same robot, whatever its uncertainty; None if there is none.
     grid_cost
-        Cost of the optimal 8-connected grid path under the same objective and constraints; None without.
+        Cost of the optimal 8-connected grid path under the same objective and constraints (or the smallest
+        possible bound); None without one, or where it has to go without a fix though that is forbidden.
     planner
         Which stages shaped the route, e.g. ``grid_search+ompl+casadi``.
     unmet, warnings
