@@ -68,7 +68,7 @@ class FixCloud:
 
     @property
     def inside(self) -> BoolArray:
-        """Shape (n,): whether a fix lies in the predicted 95 % ellipse about the true place; failures do not."""
+        """Shape (n,): whether a fix lies in the predicted 95 % ellipse about the truth; failures do not."""
         out = np.zeros(len(self.fixes), dtype=np.bool_)
         e = self.errors[:, :2]
         (xx, xy), (_, yy) = self.predicted[:2, :2]
@@ -107,9 +107,9 @@ def simulate_fixes(
     """Measure a triplet n times with the sensor's noise and triangulate each measurement exactly.
 
     Noise is Gaussian: on bearings for an omnidirectional sensor, on image columns for a camera, whose axis
-    stands where the field puts it. Landmarks with a survey sigma stand beside their mapped place, anew for each
-    measurement. Noise may carry a column past the edge of the image; such a measurement counts like any other,
-    otherwise triplets that fill the view would look better than they are.
+    stands where the field puts it. Landmarks with a survey sigma stand beside their mapped place, anew for
+    each measurement. Noise may carry a column past the edge of the image; such a measurement counts like any
+    other, otherwise triplets that fill the view would look better than they are.
 
     Parameters
     ----------
@@ -142,9 +142,7 @@ def simulate_fixes(
         raise LocalizationError(f"Number of fixes is {n}; it must be from 1 to {MAX_FIXES}.")
     place = np.asarray(point, dtype=np.float64)
     if place.shape != (2,) or not np.isfinite(place).all() or not math.isfinite(heading):
-        raise LocalizationError(
-            f"Pose is {point!r}, {heading}; it must be finite: x, y (m) and heading (rad)."
-        )
+        raise LocalizationError(f"Pose is {point!r}, {heading}; give finite x, y (m) and heading (rad).")
     pose = np.array([place[0], place[1], float(wrap(heading))])
     chosen = _chosen(world, sensor, pose, triplet)
     positions, survey = world.landmarks.positions, world.landmarks.sigma
@@ -152,8 +150,8 @@ def simulate_fixes(
     if math.isnan(fix[0]):
         names = ", ".join(world.landmarks.ids[i] for i in chosen)
         raise DegenerateGeometry(
-            f"Landmarks {names} give no fix at ({pose[0]:g}, {pose[1]:g}) m: they lie on a circle with it, or do "
-            "not fit into the view. Choose others, or leave the choice open."
+            f"Landmarks {names} give no fix at ({pose[0]:g}, {pose[1]:g}) m: they lie on a circle with it, "
+            "or do not fit into the view. Choose others, or leave the choice open."
         )
     three, sigma = positions[list(chosen)], survey[list(chosen)]
     stand = three

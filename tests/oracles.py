@@ -514,3 +514,40 @@ def belief_along(poses, covariance, odometry_sigmas, sightings):
             _, covariance = kalman_update(np.zeros(3), covariance, np.zeros(len(seen)), rows, noise)
         out.append(covariance)
     return np.array(out)
+
+
+# --- triangulation ---
+
+
+def bearings_from(pose, landmarks):
+    """Bearings of landmarks (n, 2) from a pose (x, y, θ), rad in [-π, π]."""
+    return [math.remainder(math.atan2(v - pose[1], u - pose[0]) - pose[2], 2 * math.pi) for u, v in landmarks]
+
+
+def total_position(bearings, three):
+    """Position by the published formulas of ToTal (Pierlot and Van Droogenbroeck 2014, algorithm 1).
+
+    Undefined where two bearings are equal or opposite; says nothing about whether the bearings fit.
+    """
+    (x1, y1), (x2, y2), (x3, y3) = three
+    x1, y1, x3, y3 = x1 - x2, y1 - y2, x3 - x2, y3 - y2
+    t12 = 1 / math.tan(bearings[1] - bearings[0])
+    t23 = 1 / math.tan(bearings[2] - bearings[1])
+    t31 = (1 - t12 * t23) / (t12 + t23)
+    x12, y12 = x1 + t12 * y1, y1 - t12 * x1
+    x23, y23 = x3 - t23 * y3, y3 + t23 * x3
+    x31, y31 = (x3 + x1) + t31 * (y3 - y1), (y3 + y1) - t31 * (x3 - x1)
+    k31 = x1 * x3 + y1 * y3 + t31 * (x1 * y3 - x3 * y1)
+    d = (x12 - x23) * (y23 - y31) - (y12 - y23) * (x23 - x31)
+    return x2 + k31 * (y12 - y23) / d, y2 + k31 * (x23 - x12) / d
+
+
+def triangulated(bearings, three, tolerance=1e-6):
+    """Pose (x, y, θ) that sees three landmarks under these bearings, or None; not for degenerate places."""
+    x, y = total_position(bearings, three)
+    heading = math.atan2(three[1][1] - y, three[1][0] - x) - bearings[1]
+    seen = bearings_from((x, y, heading), three)
+    fits = all(
+        abs(math.remainder(s - b, 2 * math.pi)) < tolerance for s, b in zip(seen, bearings, strict=True)
+    )
+    return (x, y, math.remainder(heading, 2 * math.pi)) if fits else None
