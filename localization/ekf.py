@@ -89,6 +89,7 @@ def update_with_bearings(
     landmarks: npt.ArrayLike,
     *,
     sigma: npt.ArrayLike,
+    survey_sigma: npt.ArrayLike = 0.0,
     gate: float | None = None,
 ) -> Update:
     """Belief after bearings of known landmarks, as one joint update in Joseph form.
@@ -103,6 +104,8 @@ def update_with_bearings(
         Shape (M, 2): where the landmarks stand, W, m.
     sigma
         Standard deviation of each bearing, rad: one number or shape (M,).
+    survey_sigma
+        Standard deviation of the landmarks' places, m: one number or shape (M,).
     gate
         Probability with which a good bearing passes; a bearing outside is left out. ``None``: all count.
 
@@ -123,15 +126,19 @@ def update_with_bearings(
     if np.isinf(z).any() or not np.isfinite(p).all():
         raise LocalizationError("Bearings must be finite or NaN, and landmarks finite.")
     s = np.asarray(sigma, dtype=np.float64)
+    survey = np.asarray(survey_sigma, dtype=np.float64)
     if s.shape not in {(), z.shape} or not (np.isfinite(s) & (s > 0)).all():
         raise LocalizationError(
             f"Sigma is {sigma!r}; it must be positive and finite, one number or one per bearing."
         )
+    if survey.shape not in {(), z.shape} or not (np.isfinite(survey) & (survey >= 0)).all():
+        raise LocalizationError(f"Survey sigma is {survey_sigma!r}; it must be ≥ 0 and finite.")
     innovations, normalised, accepted = np.empty(len(z)), np.empty(len(z)), np.empty(len(z), dtype=np.bool_)
     mean, P = belief.mean.copy(), belief.covariance.copy()
     variances = np.broadcast_to(s * s, z.shape).copy()
+    survey = np.broadcast_to(survey * survey, z.shape).copy()
     limit = gate_quantile(gate, 1)
-    kernel.update_bearings(mean, P, z, p, variances, limit, innovations, normalised, accepted)
+    kernel.update_bearings(mean, P, z, p, variances, survey, limit, innovations, normalised, accepted)
     return Update(PoseBelief(mean, P, "posterior"), innovations, normalised, accepted)
 
 

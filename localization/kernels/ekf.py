@@ -177,8 +177,8 @@ def update_rows(mean, P, rows, innovations, variances, accepted):
 
 
 @njit(cache=True, nogil=True)
-def update_bearings(mean, P, bearings, landmarks, variances, gate, innovations, normalised, accepted):
-    """Update in place with bearings (m,) of landmarks (m, 2), variances (m,) rad².
+def update_bearings(mean, P, bearings, landmarks, variances, survey, gate, innovations, normalised, accepted):
+    """Update in place with bearings (m,) of landmarks (m, 2), variances (m,) rad² and of the survey (m,) m².
 
     A bearing counts if its innovation² over its predicted variance is at most ``gate`` (a χ² quantile with
     one degree of freedom; inf: every one) and its landmark is not touched. Outputs (m,): innovation (rad),
@@ -186,6 +186,7 @@ def update_bearings(mean, P, bearings, landmarks, variances, gate, innovations, 
     """
     m = bearings.shape[0]
     rows = np.zeros((m, 3))
+    total = np.empty(m)
     for i in range(m):
         expected = bearing_row(mean, landmarks[i, 0], landmarks[i, 1], rows[i])
         accepted[i] = False
@@ -194,9 +195,11 @@ def update_bearings(mean, P, bearings, landmarks, variances, gate, innovations, 
         if math.isnan(expected) or math.isnan(bearings[i]):
             continue
         innovations[i] = wrapped(bearings[i] - expected)
-        normalised[i] = innovations[i] ** 2 / innovation_variance(P, rows[i], variances[i])
+        # |q| = 1 / r
+        total[i] = variances[i] + survey[i] * (rows[i, 0] ** 2 + rows[i, 1] ** 2)
+        normalised[i] = innovations[i] ** 2 / innovation_variance(P, rows[i], total[i])
         accepted[i] = normalised[i] <= gate
-    update_rows(mean, P, rows, innovations, variances, accepted)
+    update_rows(mean, P, rows, innovations, total, accepted)
 
 
 @njit(cache=True, nogil=True)
@@ -211,6 +214,7 @@ def filter_log(
     bearings,
     landmarks,
     variances,
+    survey,
     gate,
     out_mean,
     out_P,
@@ -237,6 +241,7 @@ def filter_log(
             bearings[a:b],
             landmarks[a:b],
             variances[a:b],
+            survey[a:b],
             gate,
             unused[a:b],
             out_normalised[a:b],

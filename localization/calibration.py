@@ -1,0 +1,295 @@
+"""Sensor models from logs with reference poses: bias, sigma, floor, confidence intervals."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from localization.errors import LocalizationError
+from localization.logs import BearingLog, residuals
+from localization.robust import (
+    GATE_SIGMAS,
+    KEPT_VARIANCE,
+    MAD_TO_SIGMA,
+    ROUNDS,
+    SIGMA_MIN,
+    block_bootstrap,
+    shares_of_variance,
+    weighted_median,
+)
+from localization.sensors import OmnidirectionalSensor, PinholePanSensor
+from maps.arrays import BoolArray, FloatArray, IntArray, frozen
+from maps.landmarks import LandmarkSet
+
+#: Fewer usable sightings calibrate nothing.
+MIN_SIGHTINGS = 30
+#: Fewer sightings of one landmark give it no bias of its own.
+MIN_PER_LANDMARK = 10
+_RANGE_EDGES = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 7.0, math.inf)
+_BEARING_STEP = math.radians(10.0)
+
+
+class CalibrationError(LocalizationError):
+    """A log holds too little to calibrate from."""
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """An estimate and its confidence interval, by bootstrap over the blocks of a log."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class ResidualBin:
+    """Residuals of sightings within one range of a quantity: mean and robust sigma, rad."""
+
+    low: float
+    high: float
+    n: int
+    bias: float
+    sigma: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BearingCalibration:
+    """Errors of bearings: ``bias + N(0, (column_sigma cos²ψ)² + floor² + (range_sigma / r)²)``.
+
+    Attributes
+    ----------
+    bias
+        Mean of the residuals without outliers, rad.
+    landmark_bias
+        Shape (N,): bias of each landmark, rad; all equal for a global bias.
+    sigma
+        Standard deviation without outliers, over everything, rad.
+    column_sigma
+        Share that shrinks with cos² of the bearing as a camera's columns do, rad; 0 unless asked for.
+    floor
+        Share that nothing reduces, rad.
+    range_sigma
+        Share of places that are wrong (landmark, sensor or reference), m.
+    slope
+        Change of the residual per radian of bearing: scale of the angles or the lens.
+    n_used, n_outliers
+        Sightings.
+    min_range, max_range
+        Of the sightings used, m.
+    by_range, by_bearing
+        Residuals after removal of the bias, in bins of range (m) and bearing (rad).
+    """
+
+    bias: Interval
+    landmark_bias: FloatArray
+    sigma: Interval
+    column_sigma: Interval
+    floor: Interval
+    range_sigma: Interval
+    slope: Interval
+    n_used: int
+    n_outliers: int
+    min_range: float
+    max_range: float
+    by_range: tuple[ResidualBin, ...]
+    by_bearing: tuple[ResidualBin, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "landmark_bias", frozen(self.landmark_bias))
+
+    @property
+    def outlier_share(self) -> float:
+        """Outliers among all usable sightings."""
+        return self.n_outliers / (self.n_used + self.n_outliers)
+
+    def variances(self, ranges: FloatArray, bearings: FloatArray) -> FloatArray:
+        """Variance (S,) of bearings (S,) rad at ranges (S,) m, rad²."""
+        on_axis = self.column_sigma.value**2 * np.cos(bearings) ** 4
+        return np.asarray(on_axis + self.floor.value**2 + (self.range_sigma.value / ranges) ** 2)
+
+    def corrected(self, log: BearingLog) -> FloatArray:
+        """Bearings (S,) of a log without the bias of their landmarks, rad."""
+        bias = self.landmark_bias[np.maximum(log.landmark, 0)]
+        return np.asarray(log.bearing - np.where(log.landmark >= 0, bias, 0.0))
+
+    def is_outlier(self, log: BearingLog) -> BoolArray:
+        """Shape (S,): usable sightings beyond ``GATE_SIGMAS``, judged by the reference poses."""
+        e, r = residuals(log)
+        x = e - self.landmark_bias[np.maximum(log.landmark, 0)]
+        variance = self.variances(np.where(log.usable, r, 1.0), log.bearing)
+        return np.asarray(log.usable & (x * x > GATE_SIGMAS**2 * variance))
+
+    def scanner(self) -> OmnidirectionalSensor:
+        """The omnidirectional sensor that the field takes: floor and column share as one constant sigma."""
+        sigma = math.hypot(self.floor.value, self.column_sigma.value)
+        return OmnidirectionalSensor(max(sigma, SIGMA_MIN), 0.0, self.max_range)
+
+    def camera(self, *, field_of_view: float, focal_px: float) -> PinholePanSensor:
+        """The camera that the field takes, the floor counted as part of its columns' sigma.
+
+        Parameters
+        ----------
+        field_of_view
+            rad.
+        focal_px
+            Focal length, px.
+        """
+        sigma = math.hypot(self.floor.value, self.column_sigma.value)
+        return PinholePanSensor(
+            field_of_view, focal_px, max(sigma, SIGMA_MIN) * focal_px, max_range=self.max_range
+        )
+
+    def landmarks(self, surveyed: LandmarkSet) -> LandmarkSet:
+        """The landmarks with ``range_sigma`` added to their survey: the noise that grows near by."""
+        sigma = np.hypot(surveyed.sigma, self.range_sigma.value)
+        return LandmarkSet(surveyed.ids, surveyed.positions, surveyed.facing, surveyed.half_angle, sigma)
+
+
+def calibrate_bearings(
+    log: BearingLog,
+    *,
+    rng: np.random.Generator,
+    per_landmark: bool = False,
+    camera: bool = False,
+    n_bootstrap: int = 200,
+    level: float = 0.95,
+) -> BearingCalibration:
+    """Noise and bias of the bearings of a log, robust to outliers and misread ids.
+
+    Median and median absolute deviation start; then, in turn, residuals beyond ``GATE_SIGMAS`` are left out,
+    biases are means and the variances a non-negative weighted regression of the squared residuals.
+
+    Parameters
+    ----------
+    log
+        With reference poses; sightings that are not usable are left out.
+    rng
+        For the bootstrap: whole blocks of the log are drawn.
+    per_landmark
+        A bias for every landmark seen ``MIN_PER_LANDMARK`` times; the others keep the global one.
+    camera
+        Fit a share of variance that falls with cos⁴ of the bearing too.
+    n_bootstrap, level
+        Number of draws, level of the intervals.
+
+    Raises
+    ------
+    CalibrationError
+        If fewer than ``MIN_SIGHTINGS`` sightings are usable, or a landmark is touched.
+    """
+    e, r = residuals(log)
+    used = log.usable
+    if int(np.sum(used)) < MIN_SIGHTINGS:
+        raise CalibrationError(
+            f"Log '{log.name}' has {int(np.sum(used))} usable sightings; calibration needs {MIN_SIGHTINGS}."
+        )
+    if float(r[used].min()) < 1e-3:
+        raise CalibrationError(f"Log '{log.name}': the reference stands on a landmark; leave that place out.")
+    data = _Data(
+        e[used], r[used], log.bearing[used], log.landmark[used], len(log.landmarks), per_landmark, camera
+    )
+    whole = _fit(data, np.ones(len(data.e)))
+    draws = block_bootstrap(
+        log.block[used], lambda weights: _fit(data, weights).numbers, rng=rng, n=n_bootstrap
+    )
+    tail = 100 * (0.5 - level / 2)
+    low, high = np.percentile(draws, [tail, 100 - tail], axis=0)
+    values = [Interval(*map(float, v)) for v in zip(whole.numbers, low, high, strict=True)]
+    inlier = whole.inlier
+    x = data.e - whole.biases[data.landmark]
+    edges = np.arange(-math.pi, math.pi + 1e-9, _BEARING_STEP)
+    return BearingCalibration(
+        values[0],
+        whole.biases,
+        values[1],
+        values[2],
+        values[3],
+        values[4],
+        values[5],
+        int(np.sum(inlier)),
+        int(np.sum(~inlier)),
+        float(data.r[inlier].min()),
+        float(data.r[inlier].max()),
+        _bins(data.r, x, _RANGE_EDGES),
+        _bins(data.bearing, x, tuple(float(v) for v in edges)),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Data:
+    e: FloatArray
+    r: FloatArray
+    bearing: FloatArray
+    landmark: IntArray
+    n_landmarks: int
+    per_landmark: bool
+    camera: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fit:
+    biases: FloatArray
+    inlier: BoolArray
+    numbers: FloatArray
+
+
+def _fit(data: _Data, weights: FloatArray) -> _Fit:
+    """Bias, sigma, column share, floor, range share and slope of weighted residuals."""
+    biases = np.full(data.n_landmarks, weighted_median(data.e, weights))
+    groups = _groups(data, weights)
+    for k in groups:
+        mine = data.landmark == k
+        biases[k] = weighted_median(data.e[mine], weights[mine])
+    x = data.e - biases[data.landmark]
+    sigma = MAD_TO_SIGMA * weighted_median(np.abs(x), weights)
+    columns = [1.0 / data.r**2, np.ones(len(x))]
+    if data.camera:
+        columns.append(np.cos(data.bearing) ** 4)
+    variance = np.full(len(x), max(sigma, SIGMA_MIN) ** 2)
+    inlier = np.ones(len(x), dtype=np.bool_)
+    shares = np.zeros(3)
+    for _ in range(ROUNDS):
+        inlier = x * x <= GATE_SIGMAS**2 * variance
+        counted = weights * inlier
+        biases[:] = np.sum(counted * data.e) / np.sum(counted)
+        if groups:
+            share = np.bincount(data.landmark, counted, data.n_landmarks)
+            sums = np.bincount(data.landmark, counted * data.e, data.n_landmarks)
+            for k in groups:
+                biases[k] = sums[k] / share[k] if share[k] > 0 else biases[k]
+        x = data.e - biases[data.landmark]
+        shares[: len(columns)] = shares_of_variance(columns, x * x, counted / variance**2)
+        # Squares cut off at the gate are smaller than those of the whole Gaussian.
+        shares /= KEPT_VARIANCE
+        variance = np.maximum(np.stack(columns, axis=1) @ shares[: len(columns)], SIGMA_MIN**2)
+    counted = weights * (x * x <= GATE_SIGMAS**2 * variance)
+    total = float(np.sum(counted))
+    bias = float(np.sum(counted * data.e)) / total
+    middle = float(np.sum(counted * data.bearing)) / total
+    spread = float(np.sum(counted * (data.bearing - middle) ** 2))
+    slope = float(np.sum(counted * (data.bearing - middle) * x)) / spread if spread > 0 else 0.0
+    sigma = math.sqrt(float(np.sum(counted * x * x)) / total / KEPT_VARIANCE)
+    range_sigma, floor, column = np.sqrt(shares)
+    return _Fit(biases, counted > 0, np.array([bias, sigma, column, floor, range_sigma, slope]))
+
+
+def _groups(data: _Data, weights: FloatArray) -> list[int]:
+    if not data.per_landmark:
+        return []
+    count = np.bincount(data.landmark, weights, data.n_landmarks)
+    return [int(k) for k in np.flatnonzero(count >= MIN_PER_LANDMARK)]
+
+
+def _bins(at: FloatArray, x: FloatArray, edges: tuple[float, ...]) -> tuple[ResidualBin, ...]:
+    out = []
+    for low, high in itertools.pairwise(edges):
+        mine = x[(at >= low) & (at < high)]
+        if len(mine) >= MIN_PER_LANDMARK:
+            middle = float(np.median(mine))
+            sigma = MAD_TO_SIGMA * float(np.median(np.abs(mine - middle)))
+            out.append(ResidualBin(low, high, len(mine), middle, sigma))
+    return tuple(out)
