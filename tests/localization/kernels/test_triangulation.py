@@ -293,11 +293,8 @@ def test_columns_are_bearings(rng):
     given = [columns, three[None], np.full((1, 3), 1e-4), -pan, wide]
     for array in given:
         array.flags.writeable = False
-    X((30, 3)),
-        np.empty((30, 3, 3)),
-        np.empty(30, np.uint8),
-        np.empty(30),
-    )
+    pose, covariance = np.empty((30, 3)), np.empty((30, 3, 3))
+    status, reliability = np.empty(30, np.uint8), np.empty(30)
     fixes(*given, 1e-9, pose, covariance, status, reliability)
     np.testing.assert_allclose(pose, want[0], rtol=1e-10)
     np.testing.assert_allclose(covariance, want[1], rtol=1e-8, atol=1e-12)
