@@ -231,7 +231,7 @@ def _paint_key(draw: ImageDraw.ImageDraw, top: int, cloud: FixCloud) -> None:
             draw.line([(x, top + 28), (x + 26, top + 28)], fill=color, width=3)
         canvas.write(draw, (x + 32, top + 28), name, size=13)
         x += 32 + draw.textlength(name, font=canvas.font(13)) + 22
-    note = "cross: true place; horopter: circle through robot and two landmarks, their angle is the same all along it"
+    note = "cross: true place; horopter: circle through robot and two landmarks, with their angle unchanged"
     canvas.write(draw, (_GAP, top + 56), note, size=12, fill=(90, 96, 104))
 
 
