@@ -65,6 +65,8 @@ def _solve(s1, c1, s3, c3, ax, ay, bx, by, min_reliability):
     NN = Nx * Nx + Ny * Ny
     bound = abs(s1) * math.sqrt(Bx * Bx + By * By) + abs(s3) * math.sqrt(Ax * Ax + Ay * Ay)
     reliability = math.sqrt(NN) / (bound if bound > 0.0 else 1.0)
+    # Rounding, and squares that vanish in tiny triangles.
+    reliability = 1.0 if reliability > 1.0 else reliability
     Ha = Nx * Ay - Ny * Ax
     Hb = Nx * By - Ny * Bx
     G1 = Ha + c1 * D
