@@ -14,6 +14,8 @@ from maps.se2 import wrap
 
 #: Reference poses further apart than this are not interpolated, s.
 MAX_GAP_S = 0.1
+# Times of a log are sums or counts since an epoch.
+_ROUNDING_S = 1e-6
 
 
 class LogFormatError(LocalizationError):
@@ -156,7 +158,7 @@ def interpolated(track: FloatArray, times: FloatArray, max_gap: float = MAX_GAP_
     right = np.clip(np.searchsorted(track[:, 0], times, side="right"), 1, len(track) - 1)
     a, b = track[right - 1], track[right]
     span = b[:, 0] - a[:, 0]
-    inside = (times >= a[:, 0]) & (times <= b[:, 0]) & (span <= max_gap)
+    inside = (times >= a[:, 0]) & (times <= b[:, 0]) & (span <= max_gap + _ROUNDING_S)
     share = np.divide(times - a[:, 0], span, out=np.zeros(len(times)), where=span > 0)
     pose = a[:, 1:] + share[:, None] * (b[:, 1:] - a[:, 1:])
     pose[:, 2] = wrap(a[:, 3] + share * wrap(b[:, 3] - a[:, 3]))
@@ -258,4 +260,24 @@ def delayed(log: BearingLog, lag: float) -> BearingLog:
         log.block,
         log.odometry,
         log.track,
+    )
+
+
+def between(log: BearingLog, first: float, last: float) -> BearingLog:
+    """The part of a log from ``first`` to ``last`` s: sightings, odometry and reference."""
+    inside = (log.time >= first) & (log.time <= last)
+    part = log.only(np.asarray(inside))
+    driven = (log.odometry[:, 0] >= first) & (log.odometry[:, 0] <= last)
+    known = (log.track[:, 0] >= first) & (log.track[:, 0] <= last)
+    return BearingLog(
+        log.name,
+        log.landmarks,
+        part.time,
+        part.landmark,
+        part.bearing,
+        part.reference,
+        part.outcome,
+        part.block,
+        log.odometry[driven],
+        log.track[known],
     )

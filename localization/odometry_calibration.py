@@ -8,8 +8,13 @@ import numpy as np
 
 from localization.calibration import MIN_SIGHTINGS, CalibrationError
 from localization.logs import BearingLog, driven_between, interpolated, residuals
-from localization.motion import OdometryModel, increments_between
+from localization.motion import OdometryModel
 from localization.robust import robust_scale, shares_of_variance
+from maps.arrays import BoolArray, FloatArray
+from maps.se2 import wrap
+
+# Stretches with less motion than this (m, rad) say nothing.
+_LEAST = 0.02
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,27 +54,50 @@ def calibrate_odometry(log: BearingLog, *, window: float = 2.0) -> OdometryCalib
     stop = min(log.odometry[-1, 0], log.track[-1, 0])
     times = np.arange(start, stop, window)
     poses = interpolated(log.track, times)
-    distance, turn = (np.diff(v) for v in driven_between(log.odometry, times))
-    both = np.isfinite(poses[1:, 0]) & np.isfinite(poses[:-1, 0])
-    both &= (np.abs(distance) > 0.02) | (np.abs(turn) > 0.02)
+    _, turn = driven_between(log.odometry, times)
+    w = np.diff(turn)
+    expected, length, known = _displacements(log, times)
+    reach = np.hypot(expected[:, 0], expected[:, 1])
+    both = np.isfinite(poses[1:, 0]) & np.isfinite(poses[:-1, 0]) & known
+    both &= (length > _LEAST) | (np.abs(w) > _LEAST)
     if int(np.sum(both)) < MIN_SIGHTINGS:
         raise CalibrationError(
             f"Log '{log.name}' has {int(np.sum(both))} stretches of {window:g} s in motion between reference "
             f"poses; calibration needs {MIN_SIGHTINGS}."
         )
-    real_distance, real_turn = increments_between(np.nan_to_num(poses))
-    step = np.diff(np.nan_to_num(poses), axis=0)
-    phi = np.nan_to_num(poses)[:-1, 2] + 0.5 * real_turn
-    side = -step[:, 0] * np.sin(phi) + step[:, 1] * np.cos(phi)
-    d, w = distance[both], turn[both]
-    d_real, w_real, side = real_distance[both], real_turn[both], side[both]
-    d_scale, d_good = robust_scale(d, d_real)
-    w_scale, w_good = robust_scale(w, w_real)
-    d_noise = shares_of_variance([np.abs(d[d_good])], (d_real - d_scale * d)[d_good] ** 2)
-    w_noise = shares_of_variance([np.abs(w[w_good]), np.abs(d[w_good])], (w_real - w_scale * w)[w_good] ** 2)
-    slip = shares_of_variance([np.abs(d[d_good])], side[d_good] ** 2)
-    model = OdometryModel(*np.sqrt([d_noise[0], w_noise[0], w_noise[1], slip[0]]).tolist())
-    return OdometryCalibration(d_scale, w_scale, model, window, len(d))
+    step = np.diff(poses, axis=0)
+    w_real = w + wrap(step[:, 2] - w)
+    d_scale, model_d = 1.0, np.zeros(2)
+    moving = both & (reach > 0.5 * length) & (length > _LEAST)
+    if int(np.sum(moving)) >= MIN_SIGHTINGS:
+        p, a = expected[moving], step[moving, :2]
+        unit = p / reach[moving, None]
+        along, across = np.sum(a * unit, axis=1), unit[:, 0] * a[:, 1] - unit[:, 1] * a[:, 0]
+        d_scale, good = robust_scale(reach[moving], along)
+        driven = [length[moving][good]]
+        rest = (along - d_scale * reach[moving])[good]
+        model_d = np.array([shares_of_variance(driven, e**2)[0] for e in (rest, across[good])])
+    w_scale, good = robust_scale(w[both], w_real[both])
+    grown = [np.abs(w[both])[good], length[both][good]]
+    model_w = shares_of_variance(grown, (w_real - w_scale * w)[both][good] ** 2)
+    sigmas = np.sqrt([model_d[0], *model_w, model_d[1]]).tolist()
+    return OdometryCalibration(d_scale, w_scale, OdometryModel(*sigmas), window, int(np.sum(both)))
+
+
+def _displacements(log: BearingLog, times: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """What the odometry's distances amount to from each of ``times`` (S,) to the next, with true headings.
+
+    Displacements (S-1, 2), distances driven (S-1,), and whether the heading was known throughout (S-1,).
+    """
+    t = log.odometry[:, 0]
+    distance = log.odometry[:-1, 1] * np.diff(t)
+    heading = interpolated(log.track, 0.5 * (t[1:] + t[:-1]))[:, 2]
+    unknown = np.isnan(heading) & (distance != 0)
+    heading = np.nan_to_num(heading)
+    steps = (distance * np.cos(heading), distance * np.sin(heading), np.abs(distance), unknown.astype(float))
+    sums = [np.interp(times, t, np.concatenate([[0.0], np.cumsum(v)])) for v in steps]
+    x, y, length, gaps = (np.diff(v) for v in sums)
+    return np.stack([x, y], axis=1), np.asarray(length), np.asarray(gaps == 0)
 
 
 def sighting_lag(log: BearingLog) -> float:

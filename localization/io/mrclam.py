@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.io import loadmat
+from scipy.io.matlab import MatReadError
 
 from localization.logs import BearingLog, LogFormatError, Sighting, blocks_at_jumps, blocks_of, interpolated
 from maps.arrays import FloatArray, IntArray
@@ -21,6 +22,17 @@ from maps.errors import MapError
 from maps.landmarks import LandmarkSet
 
 _N_ROBOTS = 5
+# What a file that is not, or not quite, a MATLAB file makes its reader raise.
+_BROKEN = (
+    MatReadError,
+    OSError,
+    ValueError,
+    TypeError,
+    NotImplementedError,
+    IndexError,
+    zlib.error,
+    MemoryError,
+)
 _MAX_BYTES = 256 * 1024 * 1024
 #: Sightings of 10 s share what the motion did to them.
 BLOCK_S = 10.0
@@ -101,15 +113,7 @@ def read_mrclam_mat(path: Path) -> BearingLog:
     """
     try:
         content = loadmat(str(path), variable_names=["landmark", "groundtruth", "measurement"])
-    except (
-        OSError,
-        ValueError,
-        TypeError,
-        NotImplementedError,
-        IndexError,
-        zlib.error,
-        MemoryError,
-    ) as error:
+    except _BROKEN as error:
         raise LogFormatError(f"'{path.name}' cannot be read as a MATLAB file: {error}") from error
     ground = _matrix(content, "landmark", 3, path.name)
     poses = _matrix(content, "groundtruth", 4, path.name)
