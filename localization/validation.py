@@ -27,6 +27,8 @@ N_FOLDS = 5
 GATE = 0.999
 #: Errors of real odometry are not white; stretches as long as the waits between fixes count them right.
 ODOMETRY_WINDOW_S = 5.0
+#: White noise would have the same sigmas over stretches of any length.
+WINDOWS_S = (1.0, ODOMETRY_WINDOW_S, 10.0)
 _SEED = 20261125
 # Of the reference pose at the start of a filter, m and rad.
 _START_SIGMA = 0.02
@@ -118,14 +120,14 @@ class FilterStudy:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LogStudy:
-    """Everything measured on one log."""
+    """Everything measured on one log; odometry over stretches of each of ``WINDOWS_S``, or none."""
 
     case: LogCase
     counts: dict[Sighting, int]
     calibration: BearingCalibration
     lag: float
     fixes: FixStudy
-    odometry: OdometryCalibration | None
+    odometry: tuple[OdometryCalibration, ...]
     filters: tuple[tuple[str, tuple[FilterStudy, ...]], ...]
 
 
@@ -143,7 +145,7 @@ def study(case: LogCase) -> LogStudy:
     counts = {outcome: log.count(outcome) for outcome in Sighting}
     lag = sighting_lag(log) if len(log.odometry) else math.nan
     fixes = study_fixes(log, rng=rng, per_landmark=case.per_landmark)
-    odometry = calibrate_odometry(log, window=ODOMETRY_WINDOW_S) if case.filtered else None
+    odometry = tuple(calibrate_odometry(log, window=w) for w in WINDOWS_S) if case.filtered else ()
     filters = study_filter(log) if case.filtered else ()
     return LogStudy(case, counts, calibration, lag, fixes, odometry, filters)
 
