@@ -240,8 +240,8 @@ def _filters(studies: Sequence[LogStudy]) -> str:
 
 Odometry against the reference over stretches of different lengths (whole run), then the extended Kalman
 filter with the models of {ODOMETRY_WINDOW_S:g} s and the bearings of all landmarks, started at the reference
-with 2 cm and 0.02 rad; a gate passes {100 * GATE:.1f} % of good bearings. A consistent filter has a mean NEES of
-3 (bounds for independent errors; those of a filter are not) and a median of 2.37.
+with 2 cm and 0.02 rad; a gate passes {100 * GATE:.1f} % of good bearings. A consistent filter has a mean
+NEES of 3 (bounds for independent errors; those of a filter are not) and a median of 2.37.
 
 """
     text += _table(
