@@ -20,5 +20,6 @@ def wrap(angle: npt.ArrayLike) -> FloatArray:
     """
     a = np.asarray(angle, dtype=np.float64)
     out = a - 2 * math.pi * np.floor((a + math.pi) / (2 * math.pi))
-    # Rounding can return +π for values just below -π.
-    return np.asarray(np.where(out >= math.pi, -math.pi, out))
+    # Rounding can leave the range by a hair at either end; what is in range stays as it is.
+    out = np.where((out >= math.pi) | (out < -math.pi), -math.pi, out)
+    return np.asarray(np.where((a >= -math.pi) & (a < math.pi), a, out))

@@ -108,9 +108,14 @@ def gallery(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(api.app, "JobRunner", IdleJobs)
         app = api.app.create_app(small_settings(tmp_path_factory.mktemp("gallery")), pool=InlinePool())
-        with TestClient(app) as running:
-            map_id = running.post("/v1/maps", json=ROOM).json()["map"]
-            yield SimpleNamespace(client=running, **vars(_ready_field(running, map_id)))
+        running = TestClient(app)
+        running.__enter__()
+    # The patch ends here: other modules start real services while this one lives.
+    try:
+        map_id = running.post("/v1/maps", json=ROOM).json()["map"]
+        yield SimpleNamespace(client=running, **vars(_ready_field(running, map_id)))
+    finally:
+        running.__exit__(None, None, None)
 
 
 @pytest.fixture

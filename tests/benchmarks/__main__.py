@@ -19,6 +19,7 @@ from rich.table import Table
 
 SECTIONS = {
     "triplets": "bench_triplets",
+    "triangulation": "bench_triangulation",
     "field": "bench_field",
     "plan": "bench_planner",
     "heatmap": "bench_heatmap",

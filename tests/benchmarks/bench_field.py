@@ -5,12 +5,12 @@ from __future__ import annotations
 import time
 
 import numpy as np
+
 from localization.field_builder import build_field
+from localization.sensors import LASER, MAS97_CAMERA
 from maps.io.load import load_world
 from maps.io.site import bundled_site
 from maps.visibility import compute_visibility
-
-from localization.sensors import LASER, MAS97_CAMERA
 from tests.conftest import SHARED
 
 TITLE = "Field (0.1 m, all cores)"

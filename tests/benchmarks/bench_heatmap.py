@@ -7,9 +7,9 @@ import time
 from pathlib import Path
 
 import numpy as np
-from maps.io.site import bundled_site_text
 
 from api.demo import SENSOR, running_service
+from maps.io.site import bundled_site_text
 
 TITLE = "Heatmap PNG 1000 × 800 over HTTP (warehouse at 0.1 m)"
 
