@@ -359,6 +359,21 @@ def demo(
     run_demo(output, out, err)
 
 
+@app.command()
+def validate(
+    logs: Annotated[Path, typer.Argument(metavar="FOLDER", help="With mrclam/ and roh/ as published.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="MD", help="Document to write.")],
+) -> None:
+    """Hold the model against real logs: calibration, ellipses, choice of triplets, filter."""
+    from localization.io.real_logs import read_real_logs  # noqa: PLC0415
+    from localization.validation_report import validation_report  # noqa: PLC0415
+
+    with err.status("measuring …"):
+        text = validation_report(read_real_logs(logs))
+    _write(output, text.encode())
+    out.print(f"written: {output}", highlight=False)
+
+
 def _write(path: Path, data: bytes) -> None:
     """Write a file so that its path holds the old or the new content, never a part."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
