@@ -1,0 +1,97 @@
+"""What commands share: arguments, exit codes, worlds and sensors by name or file, files written whole."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from localization.sensors import PRESETS, Sensor
+from maps.errors import MapFormatError
+from maps.io.load import load_world
+from maps.io.site import bundled_site, bundled_site_names
+from maps.world import World
+
+EXIT_MISTAKE = 1
+EXIT_SERVICE = 2
+EXIT_UNMET = 3
+
+WORLD_HELP = (
+    "A world.geojson, a ROS map_server map.yaml, a folder of a site, or the name of a bundled site "
+    "(mas97_room, warehouse)."
+)
+World_ = Annotated[str, typer.Argument(metavar="WORLD", help=WORLD_HELP, show_default=False)]
+Landmarks_ = Annotated[
+    Path | None,
+    typer.Option("--landmarks", metavar="FILE", help="Landmarks as GeoJSON, CSV (id,x,y,…) or YAML, in m."),
+]
+UnknownFree_ = Annotated[bool, typer.Option("--unknown-is-free", help="Let robots drive on unknown cells.")]
+UnknownOpaque_ = Annotated[
+    bool, typer.Option("--unknown-is-opaque", help="Let unknown cells stop lines of sight.")
+]
+Field_ = Annotated[Path, typer.Argument(metavar="FIELD.zarr", help="A field made by 'surepath field'.")]
+
+
+def read_world(
+    source: str,
+    landmarks: Path | None = None,
+    *,
+    unknown_is_free: bool = False,
+    unknown_is_opaque: bool = False,
+) -> World:
+    """World from a path or the name of a bundled site.
+
+    Raises
+    ------
+    MapFormatError
+        If there is neither a file nor a site of that name.
+    """
+    if source in bundled_site_names() and not Path(source).exists():
+        if landmarks is not None:
+            raise MapFormatError(f"The bundled site '{source}' has its own landmarks; leave --landmarks out.")
+        return bundled_site(source)
+    if not Path(source).exists():
+        raise MapFormatError(
+            f"There is no map at '{source}'; give a file, a folder, or one of the bundled sites "
+            f"{', '.join(bundled_site_names())}."
+        )
+    return load_world(
+        Path(source),
+        landmarks=landmarks,
+        unknown_is_free=unknown_is_free,
+        unknown_is_opaque=unknown_is_opaque,
+    )
+
+
+def read_sensor(source: str) -> Sensor:
+    """Sensor from a preset's name or a JSON file.
+
+    Raises
+    ------
+    InvalidSensor
+        If it is neither, or a number is impossible.
+    """
+    from api.codec import read_json_file, sensor_from_json  # noqa: PLC0415  (pydantic loads only here)
+
+    if source in PRESETS:
+        return PRESETS[source]
+    return sensor_from_json(read_json_file(source, what=f"sensor (or preset: {', '.join(PRESETS)})"))
+
+
+def write_file(path: Path, data: bytes) -> None:
+    """Write a file so that its path holds the old or the new content, never a part.
+
+    Raises
+    ------
+    MapFormatError
+        If it cannot be written.
+    """
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        temporary.write_bytes(data)
+        temporary.replace(path)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise MapFormatError(f"Could not write '{path}': {error.strerror or error}.") from error

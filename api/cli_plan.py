@@ -1,0 +1,93 @@
+"""``surepath plan``."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from api.cli_common import EXIT_UNMET, Field_, write_file
+from api.console import err, print_plan
+
+
+def plan(
+    field_path: Field_,
+    start: Annotated[tuple[float, float], typer.Option(metavar="X Y", help="Start, m.")],
+    goal: Annotated[tuple[float, float], typer.Option(metavar="X Y", help="Goal, m.")],
+    radius: Annotated[float, typer.Option(metavar="R", help="Radius of the robot, m.")] = 0.35,
+    objective: Annotated[
+        str, typer.Option(help="shortest, or weighted: cost per metre 1 + weight · r95.")
+    ] = "weighted",
+    weight: Annotated[
+        float, typer.Option(metavar="W", help="Extra metres accepted per metre driven at r95 = 1 m.")
+    ] = 4.0,
+    max_r95: Annotated[
+        float | None, typer.Option("--max-r95", metavar="B", help="Never less certain than this, m.")
+    ] = None,
+    blind_r95: Annotated[
+        float | None,
+        typer.Option(
+            "--blind-r95",
+            metavar="B",
+            help="Allow cells without a fix, at the cost of a place with this r95, m. Default: forbidden.",
+        ),
+    ] = None,
+    max_speed: Annotated[float, typer.Option("--max-speed", metavar="V", help="m/s.")] = 1.2,
+    max_accel: Annotated[float, typer.Option("--max-accel", metavar="A", help="m/s².")] = 0.8,
+    deadline: Annotated[float, typer.Option(metavar="S", help="Time for the whole plan, s.")] = 2.0,
+    seed: Annotated[int, typer.Option(metavar="N", help="Same seed, same answer.")] = 0,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", metavar="JSON", help="Write the answer of POST /v1/plans; - prints it."
+        ),
+    ] = None,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="PNG", help="Draw map, field, both routes and ellipses.")
+    ] = None,
+) -> None:
+    """Plan a path through a field: the one on which the robot knows where it is.
+
+    Exit code 3 when no path keeps the bound (the best effort is written all the same).
+    """
+    from api.codec import plan_to_json  # noqa: PLC0415
+    from localization.io.field_file import load_field  # noqa: PLC0415
+    from planner.context import PlanningContext  # noqa: PLC0415
+    from planner.plan import plan as make_plan  # noqa: PLC0415
+    from planner.plan import warm_up  # noqa: PLC0415
+    from planner.problem import PlanningProblem  # noqa: PLC0415
+
+    problem = PlanningProblem(
+        start=start,
+        goal=goal,
+        radius=radius,
+        objective=objective,  # type: ignore[arg-type]  # checked by the problem itself
+        weight=weight,
+        max_r95=max_r95,
+        blind_r95=blind_r95,
+        max_speed=max_speed,
+        max_accel=max_accel,
+        deadline=deadline,
+        seed=seed,
+    )
+    loaded = load_field(field_path)
+    with err.status("preparing …"):
+        warm_up()  # compiling is not planning: the deadline starts afterwards
+        context = PlanningContext(loaded)
+    result = make_plan(problem, context)
+    answer = plan_to_json(result, loaded, problem=problem)
+    to_stdout = output is not None and str(output) == "-"
+    if output is not None:
+        text = json.dumps(answer, indent=1, allow_nan=False) + "\n"
+        sys.stdout.write(text) if to_stdout else write_file(output, text.encode())
+    if picture is not None:
+        from api.plan_picture import plan_png  # noqa: PLC0415
+
+        write_file(picture, plan_png(loaded, answer))
+    if not to_stdout:
+        print_plan(answer)
+    if answer["status"] not in {"exact", "approximate"}:
+        raise typer.Exit(EXIT_UNMET)
