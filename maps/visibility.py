@@ -2,21 +2,22 @@
 
 A landmark is visible from a point when the point is within the ranges (inclusive), within the landmark's
 viewing cone (inclusive), and the open segment between them passes no opaque place; from the landmark's own
-place it is not visible, for it has no bearing there. Cells are judged at their centres.
+place it is not visible, for it has no bearing there. Cells are judged at their centres, or at one constant
+offset from them: where a sensor beside the robot's centre stands.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from maps.arrays import BoolArray
 from maps.errors import InvalidGeometry
-from maps.grid import GridFrame, OccupancyGrid
+from maps.grid import MAX_COORDINATE_M, GridFrame, OccupancyGrid
 from maps.grid_visibility import RANGE_TOLERANCE_M, grid_runs, grid_visible
 from maps.grid_visibility import buried_landmarks as buried_on_grid
 from maps.landmarks import LandmarkSet
@@ -68,7 +69,8 @@ class VisibilityMap:
         -------
         masks
             Shape (h, w, n_words), uint64: bit ``i % 64`` of word ``i // 64`` says whether landmark i is
-            visible from the centre of the cell. Where the centre is not free the bits mean nothing.
+            visible from the cell's centre (plus the offset), by the rule of :func:`visible_landmarks` also
+            where that place is not free.
         """
         return self.runs.masks(rows, cols)
 
@@ -79,6 +81,7 @@ def compute_visibility(
     *,
     min_range: float = 0.0,
     max_range: float = math.inf,
+    offset: tuple[float, float] = (0.0, 0.0),
     threads: int | None = None,
     tick: Callable[[int, int], None] | None = None,
 ) -> VisibilityMap:
@@ -92,6 +95,9 @@ def compute_visibility(
         The cells, usually ``world.grid_frame(resolution)``.
     min_range, max_range
         Distances at which the sensor sees, m, inclusive.
+    offset
+        (x, y) in W, m: cells are judged at their centres plus this. Ranges, viewing cones and lines of sight
+        all hold from there.
     threads
         Default: one per core. The result does not depend on it.
     tick
@@ -100,9 +106,10 @@ def compute_visibility(
     Raises
     ------
     InvalidGeometry
-        If a range is impossible or the frame does not suit the floor.
+        If a range is impossible, the offset not finite, or the frame does not suit the floor.
     """
     _check_ranges(min_range, max_range)
+    frame = _moved(frame, offset)
     floor, landmarks = world.floor, world.landmarks
     if isinstance(floor, OccupancyGrid):
         runs = grid_runs(
@@ -177,6 +184,14 @@ def _check_ranges(min_range: float, max_range: float) -> None:
         raise InvalidGeometry(f"Smallest range is {min_range} m; it must be finite and ≥ 0.")
     if not max_range > min_range:
         raise InvalidGeometry(f"Largest range is {max_range} m; it must exceed the smallest, {min_range} m.")
+
+
+def _moved(frame: GridFrame, offset: tuple[float, float]) -> GridFrame:
+    """The frame, moved in W. Both sweeps take frames at any place, so that an offset costs nothing."""
+    x, y = (float(v) for v in offset)
+    if not (abs(x) <= MAX_COORDINATE_M and abs(y) <= MAX_COORDINATE_M):
+        raise InvalidGeometry(f"The offset is ({x}, {y}) m; both must be finite.")
+    return replace(frame, origin_x=frame.origin_x + x, origin_y=frame.origin_y + y)
 
 
 def _without_discs(runs: Runs, landmarks: LandmarkSet, frame: GridFrame, radius: float) -> Runs:

@@ -74,6 +74,50 @@ def test_masks_agree_with_single_points_on_free_cells(rng, kind, ranges):
     assert not got[distance < ranges.get("min_range", 0.0) - 1e-6].any()
 
 
+@pytest.mark.parametrize("ranges", [{}, {"min_range": 0.9, "max_range": 4.0}])
+@pytest.mark.parametrize("kind", ["cells", "plan"])
+def test_cells_judged_beside_their_centres_see_what_single_points_see(rng, kind, ranges):
+    seen = moved = 0
+    for offset in [(0.0, 0.0), (0.31, -0.22), (-0.25, 0.5), (0.0, 0.125), *rng.uniform(-3, 3, (4, 2))]:
+        world = grid_world(rng) if kind == "cells" else plan_world()
+        frame = world.grid_frame(float(rng.choice([0.13, 0.25, 0.4])))
+        got = as_bool(compute_visibility(world, frame, offset=tuple(offset), **ranges))
+        points = frame.centres().reshape(-1, 2) + offset
+        # Every cell, also where the place beside its centre is not free or off the floor.
+        assert (got.reshape(len(points), -1) == visible_landmarks(world, points, **ranges)).all()
+        seen += got.sum()
+        moved += (got != as_bool(compute_visibility(world, frame, **ranges))).sum()
+    assert seen > 1000
+    assert moved > 1000
+
+
+def test_offset_on_random_drawn_floors(rng):
+    for _ in range(60):
+        rows, cols = (int(v) for v in rng.integers(3, 12, 2))
+        frame = GridFrame(*rng.choice([0.0, -3.7, 12.25], 2), rng.choice([0.0, 0.3, -2.0]), 0.1, rows, cols)
+        opaque = rng.random(frame.shape) < rng.choice([0.05, 0.3])
+        cells = rng.uniform(0, [cols, rows], (4, 2))
+        cells[:2] = np.floor(cells[:2]) + rng.choice([0.0, 0.5], (2, 2)) + [[0.0, 0.0], [0.25, 0.0]]
+        landmarks = LandmarkSet(tuple("abcd"), frame.to_world(cells), np.array([np.nan, 0.4, np.nan, -2.0]))
+        world = World("drawn", OccupancyGrid(frame, ~opaque, opaque), landmarks)
+        field = world.grid_frame(float(rng.choice([0.1, 0.05, 0.3])))
+        # Whole and half cells put places on rims of cells and on the landmarks.
+        turn = np.array(
+            [[math.cos(frame.yaw), math.sin(frame.yaw)], [-math.sin(frame.yaw), math.cos(frame.yaw)]]
+        )
+        offset = rng.integers(-4, 5, 2) * 0.05 @ turn
+        got = as_bool(compute_visibility(world, field, offset=tuple(offset)))
+        points = field.centres().reshape(-1, 2) + offset
+        assert (got.reshape(len(points), -1) == visible_landmarks(world, points)).all()
+
+
+@pytest.mark.parametrize("offset", [(math.nan, 0.0), (0.0, math.inf), (1e9, 0.0)])
+def test_impossible_offsets_are_refused(rng, offset):
+    for world in (grid_world(rng, 3), plan_world()):
+        with pytest.raises(InvalidGeometry, match="offset"):
+            compute_visibility(world, world.grid_frame(0.5), offset=offset)
+
+
 def test_drawn_room():
     world = world_from_ascii(ROOM)
     seen = as_bool(compute_visibility(world, world.floor.frame))
