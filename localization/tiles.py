@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from localization.kernels.field import field_tile
-from localization.sensors import Sensor, kernel_args
+from localization.sensors import Criterion, Sensor, kernel_args
 from maps.arrays import BoolArray, FloatArray, IntArray
 from maps.world import World
 
@@ -43,6 +43,7 @@ def compute_tile(
     masks: npt.NDArray[np.uint64],
     *,
     heading: float = 0.0,
+    criterion: Criterion = "area",
 ) -> FieldTile:
     """Best triplet and fix at every free point of a window.
 
@@ -53,13 +54,16 @@ def compute_tile(
     world, sensor
         Landmarks (with their survey sigmas) and what measures them.
     centres
-        Shape (h, w, 2), W, m.
+        Shape (h, w, 2), W, m: the robot's centre.
     free
         Shape (h, w): cells to compute; the others stay NaN, -1 and 0.
     masks
-        Shape (h, w, n_words): bit ``i % 64`` of word ``i // 64`` says that landmark i is visible.
+        Shape (h, w, n_words): bit ``i % 64`` of word ``i // 64`` says that landmark i is visible from
+        where the sensor is when the robot's centre is there.
     heading
-        Heading of the robot, rad, to which pan limits and pan angles refer.
+        Of the robot, rad.
+    criterion
+        What is smallest for the best triplet.
     """
     shape = free.shape
     tile = FieldTile(
@@ -77,7 +81,7 @@ def compute_tile(
         world.landmarks.positions,
         sigma**2,
         bool(np.any(sigma > 0)),
-        kernel_args(sensor, heading),
+        kernel_args(sensor, heading, criterion),
         tile.covariance,
         tile.sigma_theta,
         tile.triplet,

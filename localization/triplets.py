@@ -10,9 +10,9 @@ import numpy.typing as npt
 
 from localization import covariance as cov
 from localization.errors import LocalizationError
-from localization.kernels.field import TOUCH_M, ranked_at
+from localization.kernels.field import in_view, ranked_at
 from localization.kernels.fix import triplet_fix
-from localization.sensors import Sensor, kernel_args
+from localization.sensors import Criterion, Sensor, kernel_args
 from localization.tiles import compute_tile
 from maps.arrays import FloatArray, frozen
 from maps.se2 import wrap
@@ -33,11 +33,11 @@ class TripletChoice:
     covariance
         Shape (3,): xx, xy, yy in W, m².
     sigma_theta
-        Standard deviation of the heading (of the optical axis for a pan head), rad.
+        Standard deviation of the heading, rad.
     pan
-        Optical axis relative to the heading, rad; NaN without a pan head.
+        Optical axis relative to the pan head's zero, rad; NaN without a pan head.
     n_visible
-        Landmarks in range, facing and line of sight.
+        Landmarks that can be measured: in range, facing, line of sight, not muted, in a fixed camera's view.
     """
 
     triplet: tuple[int, int, int]
@@ -70,9 +70,14 @@ def pack_masks(visible: npt.NDArray[np.bool_]) -> npt.NDArray[np.uint64]:
 
 
 def best_triplet(
-    world: World, sensor: Sensor, point: npt.ArrayLike, *, heading: float = 0.0
+    world: World,
+    sensor: Sensor,
+    point: npt.ArrayLike,
+    *,
+    heading: float = 0.0,
+    criterion: Criterion = "area",
 ) -> TripletChoice | None:
-    """The triplet whose fix has the smallest 95 % ellipse, as in a field with a cell centred there.
+    """The triplet whose fix is best, by default with the smallest 95 % ellipse, as in a field's cell there.
 
     Parameters
     ----------
@@ -81,7 +86,9 @@ def best_triplet(
     point
         Shape (2,): where the robot is, W, m.
     heading
-        Of the robot, rad; pan limits and the pan angle refer to it.
+        Of the robot, rad; matters to sensors that depend on it.
+    criterion
+        What is smallest: the ellipse's ``area`` or major axis (``max_axis``), or the covariance's ``trace``.
 
     Returns
     -------
@@ -93,10 +100,11 @@ def best_triplet(
     LocalizationError
         If the point is not two finite numbers.
     """
-    place, seen = _seen_at(world, sensor, point)
+    place, seen = _seen_at(world, sensor, point, heading)
     free = np.array([[bool(world.floor.free_at(place))]])
     masks = pack_masks(seen[None, :])[None, :, :]
-    tile = compute_tile(world, sensor, place.reshape(1, 1, 2), free, masks, heading=float(wrap(heading)))
+    centre = place.reshape(1, 1, 2)
+    tile = compute_tile(world, sensor, centre, free, masks, heading=float(wrap(heading)), criterion=criterion)
     if tile.triplet[0, 0, 0] < 0:
         return None
     i, j, k = (int(t) for t in tile.triplet[0, 0])
@@ -110,13 +118,19 @@ def best_triplet(
 
 
 def rank_triplets(
-    world: World, sensor: Sensor, point: npt.ArrayLike, *, heading: float = 0.0, count: int = 10
+    world: World,
+    sensor: Sensor,
+    point: npt.ArrayLike,
+    *,
+    heading: float = 0.0,
+    count: int = 10,
+    criterion: Criterion = "area",
 ) -> list[TripletChoice]:
-    """The best triplets at a place, smallest 95 % ellipse first; equal areas by ascending indices.
+    """The best triplets at a place, best first; equal ones by ascending indices.
 
     Parameters
     ----------
-    world, sensor, point, heading
+    world, sensor, point, heading, criterion
         As for :func:`best_triplet`.
     count
         How many at most, 1 to 10,000.
@@ -133,16 +147,16 @@ def rank_triplets(
     """
     if not 1 <= count <= MAX_RANKED:
         raise LocalizationError(f"Count of triplets is {count}; it must be from 1 to {MAX_RANKED}.")
-    place, seen = _seen_at(world, sensor, point)
+    place, visible = _seen_at(world, sensor, point, heading)
     if not bool(world.floor.free_at(place)):
         return []
     positions, survey = world.landmarks.positions, world.landmarks.sigma**2
-    distance = np.hypot(positions[:, 0] - place[0], positions[:, 1] - place[1])
-    indices = np.flatnonzero(seen & (distance >= TOUCH_M))
+    args = kernel_args(sensor, float(wrap(heading)), criterion)
+    x, y = (float(v) for v in place + sensor.mount.offset(heading))
+    indices = np.flatnonzero(visible)
+    indices = indices[: in_view(x, y, len(indices), indices, positions, args)]
     if len(indices) < 3:
         return []
-    x, y = float(place[0]), float(place[1])
-    args = kernel_args(sensor, float(wrap(heading)))
     possible = math.comb(len(indices), 3)
     values = np.empty(min(count, possible))
     triplets = np.empty((len(values), 3), dtype=np.int64)
@@ -157,9 +171,15 @@ def rank_triplets(
     return choices
 
 
-def _seen_at(world: World, sensor: Sensor, point: npt.ArrayLike) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+def _seen_at(
+    world: World, sensor: Sensor, point: npt.ArrayLike, heading: float
+) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+    """The point, and the landmarks that are visible from where the sensor is then."""
     place = np.asarray(point, dtype=np.float64)
     if place.shape != (2,) or not np.isfinite(place).all():
         raise LocalizationError(f"Point is {point!r}; it must be two finite numbers, m.")
-    visible = visible_landmarks(world, place[None, :], min_range=sensor.min_range, max_range=sensor.max_range)
-    return place, visible[0]
+    if not math.isfinite(heading):
+        raise LocalizationError(f"Heading is {heading}; it must be finite, rad.")
+    sensor_at = place + sensor.mount.offset(heading)
+    ranges = {"min_range": sensor.min_range, "max_range": sensor.max_range}
+    return place, visible_landmarks(world, sensor_at[None, :], **ranges)[0]

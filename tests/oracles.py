@@ -408,19 +408,37 @@ def axes_of_three(angles, sensor, heading, steps=1501):
     return allowed, middle
 
 
+def sensor_place(point, sensor, heading):
+    """Where the sensor of a robot at ``point`` is, W."""
+    c, s = math.cos(heading), math.sin(heading)
+    m = sensor.mount
+    return np.array([point[0] + c * m.x - s * m.y, point[1] + s * m.x + c * m.y])
+
+
+def is_measurable(place, landmark, sensor, heading):
+    """Whether a landmark lies outside every muted sector and inside the view of a fixed camera."""
+    angle = math.atan2(landmark[1] - place[1], landmark[0] - place[0]) - heading - sensor.mount.theta
+    if sensor.kind == "pinhole_fixed":
+        return abs(math.remainder(angle, 2 * math.pi)) <= sensor.field_of_view / 2
+    muted = getattr(sensor, "muted", ())
+    return not any((angle - a) % (2 * math.pi) <= (b - a) % (2 * math.pi) for a, b in muted)
+
+
 def fix_of_three(point, three, survey_sigmas, sensor, heading=0.0):
-    """Covariance (2, 2) of a triplet's fix, its variances and axis in W; None when there is no fix."""
-    angles = azimuths(point, three)
-    shares = [(s / math.dist(point, m)) ** 2 for s, m in zip(survey_sigmas, three, strict=True)]
-    inverted = [(np.array(m) - point) / math.dist(point, m) ** 2 for m in three]
+    """Covariance (2, 2) of a triplet's fix, its variances and axis in W; None when there is no fix.
+
+    ``point`` is the robot's centre. The axis is NaN without a pan head.
+    """
+    place = sensor_place(point, sensor, heading)
+    if not all(is_measurable(place, m, sensor, heading) for m in three):
+        return None
+    zero = heading + sensor.mount.theta
+    angles = azimuths(place, three)
+    floor = sensor.bearing_floor**2
+    shares = [(s / math.dist(place, m)) ** 2 + floor for s, m in zip(survey_sigmas, three, strict=True)]
+    inverted = [(np.array(m) - place) / math.dist(place, m) ** 2 for m in three]
     e, f = inverted[1] - inverted[0], inverted[2] - inverted[0]
     if abs(e[0] * f[1] - e[1] * f[0]) <= 1e-9 * sum(float(g @ g) for g in inverted):
-        return None
-    if sensor.kind == "omnidirectional":
-        variances = [sensor.bearing_sigma**2 + s for s in shares]
-        return mas97_covariance(point, three, variances), variances, math.nan
-    axes, middle = axes_of_three(angles, sensor, heading)
-    if not axes:
         return None
 
     def at(axis):
@@ -431,12 +449,39 @@ def fix_of_three(point, three, survey_sigmas, sensor, heading=0.0):
         v1, v2, v3 = at(axis)
         return v1 * v2 + v1 * v3 + v2 * v3
 
-    axis = min(axes, key=(lambda a: abs(a - middle)) if sensor.pan_policy == "centred" else size)
-    return mas97_covariance(point, three, at(axis)), at(axis), axis
+    axis = math.nan
+    if sensor.kind == "omnidirectional":
+        variances = [sensor.bearing_sigma**2 + s for s in shares]
+    elif sensor.kind == "pinhole_fixed":
+        variances = at(zero)
+    else:
+        axes, middle = axes_of_three(angles, sensor, zero)
+        if not axes:
+            return None
+        axis = min(axes, key=(lambda a: abs(a - middle)) if sensor.pan_policy == "centred" else size)
+        variances = at(axis)
+    if sensor.mount.lever == 0:
+        return mas97_covariance(place, three, variances), variances, axis
+    return at_centre(information_covariance(place, three, variances), point, place), variances, axis
 
 
-def ranked_triplets(point, landmarks, survey_sigmas, sensor, heading=0.0):
-    """All triplets of visible landmarks (n, 2) that give a fix, as (det Σ, triplet), best first."""
+def at_centre(covariance, point, place):
+    """Covariance (2, 2) of the robot's centre from that of the sensor's pose (3, 3)."""
+    ox, oy = place[0] - point[0], place[1] - point[1]
+    jacobian = np.array([[1.0, 0.0, oy], [0.0, 1.0, -ox]])
+    return jacobian @ covariance @ jacobian.T
+
+
+def ranked_triplets(point, landmarks, survey_sigmas, sensor, heading=0.0, criterion="area"):
+    """All triplets of visible landmarks (n, 2) that give a fix, as (number, triplet), best first.
+
+    The number is det Σ, or the square of the largest eigenvalue or of half the trace.
+    """
+    numbers = {
+        "area": np.linalg.det,
+        "max_axis": lambda c: np.linalg.eigvalsh(c)[1] ** 2,
+        "trace": lambda c: (np.trace(c) / 2) ** 2,
+    }
     out = []
     for i, j, k in itertools.combinations(range(len(landmarks)), 3):
         chosen = [i, j, k]
@@ -444,7 +489,7 @@ def ranked_triplets(point, landmarks, survey_sigmas, sensor, heading=0.0):
             point, [tuple(landmarks[c]) for c in chosen], [survey_sigmas[c] for c in chosen], sensor, heading
         )
         if fix is not None:
-            out.append((float(np.linalg.det(fix[0])), (i, j, k)))
+            out.append((float(numbers[criterion](fix[0])), (i, j, k)))
     return sorted(out)
 
 

@@ -7,7 +7,24 @@ import math
 import numpy as np
 from numba import njit
 
-from localization.kernels.fix import CENTRED_FREE, OMNIDIRECTIONAL, triplet_fix, wrapped
+from localization.kernels.fix import (
+    AREA,
+    CENTRED_FREE,
+    CRITERION,
+    FIXED,
+    FLOOR,
+    HEADING,
+    LEVER,
+    LEVER_X,
+    LEVER_Y,
+    MODE,
+    N_MUTED,
+    OMNIDIRECTIONAL,
+    fixed_variance,
+    is_muted,
+    triplet_fix,
+    wrapped,
+)
 from localization.kernels.spans import azimuth_key, ranked_by_span
 from localization.kernels.triplets import (
     is_degenerate,
@@ -81,23 +98,55 @@ def strongest_first(n, seen, strength, last, n_last, mark, order):
 
 
 @njit(cache=True, nogil=True)
-def inverted(x, y, n, order, landmarks, survey, heading, needs_azimuth, gx, gy, rho, azimuth, shares):
-    """Landmarks ``order`` (n,) seen from (x, y): inverted, 1/r, azimuth, share of the survey's variance."""
+def in_view(x, y, n, seen, landmarks, sensor):
+    """Keep those of ``seen`` (n,) that a sensor at (x, y) can measure; their number.
+
+    Out go landmarks that it stands on, those in a muted sector and those outside a fixed camera's view.
+    """
+    m = 0
+    for a in range(n):
+        i = seen[a]
+        dx = landmarks[i, 0] - x
+        dy = landmarks[i, 1] - y
+        r2 = dx * dx + dy * dy
+        if r2 < TOUCH_M * TOUCH_M:
+            continue
+        if sensor[MODE] == FIXED and math.isnan(fixed_variance(dx, dy, r2, 0.0, sensor)):
+            continue
+        if sensor[N_MUTED] > 0.0 and is_muted(dx, dy, sensor):
+            continue
+        seen[m] = i
+        m += 1
+    return m
+
+
+@njit(cache=True, nogil=True)
+def inverted(x, y, n, order, landmarks, survey, sensor, needs_azimuth, gx, gy, rho, azimuth, shares):
+    """Landmarks ``order`` (n,) seen from (x, y): inverted, 1/r, azimuth, what is added to the variance.
+
+    For a fixed camera the last is the whole variance.
+    """
     for a in range(n):
         i = order[a]
         dx = landmarks[i, 0] - x
         dy = landmarks[i, 1] - y
-        s = 1.0 / (dx * dx + dy * dy)
+        r2 = dx * dx + dy * dy
+        s = 1.0 / r2
         gx[a] = dx * s
         gy[a] = dy * s
         rho[a] = math.sqrt(s)
-        shares[a] = survey[i] * s
-        azimuth[a] = wrapped(math.atan2(dy, dx) - heading) if needs_azimuth else 0.0
+        shares[a] = survey[i] * s + sensor[FLOOR]
+        if sensor[MODE] == FIXED:
+            shares[a] = fixed_variance(dx, dy, r2, shares[a], sensor)
+        azimuth[a] = wrapped(math.atan2(dy, dx) - sensor[HEADING]) if needs_azimuth else 0.0
 
 
 @njit(cache=True, nogil=True)
 def ranked_at(x, y, seen, landmarks, survey, sensor, values, triplets):
-    """The best triplets of the landmarks ``seen`` (n,) from (x, y), see ``ranked_triplets``; their number."""
+    """The best triplets of the landmarks ``seen`` (n,), all in view, with the sensor at (x, y); their number.
+
+    See ``ranked_triplets``.
+    """
     n = seen.shape[0]
     n_all = landmarks.shape[0]
     strength = np.zeros(n_all)
@@ -109,7 +158,7 @@ def ranked_at(x, y, seen, landmarks, survey, sensor, values, triplets):
     strongest_first(n, seen, strength, seen, 0, np.zeros(n_all, dtype=np.int8), order)
     near = np.empty((8, n))
     gx, gy, rho, azimuth, shares = near[0], near[1], near[2], near[3], near[4]
-    inverted(x, y, n, order, landmarks, survey, sensor[5], True, gx, gy, rho, azimuth, shares)
+    inverted(x, y, n, order, landmarks, survey, sensor, True, gx, gy, rho, azimuth, shares)
     scratch = np.empty(n, dtype=np.int64)
     return ranked_triplets(
         n,
@@ -153,14 +202,15 @@ def field_tile(
 ):
     """Best triplet and fix of every free cell of a tile.
 
-    ``centres`` (h, w, 2), ``free`` (h, w), ``masks`` (h, w, n_words) uint64, ``landmarks`` (N, 2), ``survey``
-    (N,) variances, m²; outputs (h, w, 3), (h, w), (h, w, 3), (h, w), (h, w) hold NaN, -1 and 0 before.
+    ``centres`` (h, w, 2) of the robot, ``free`` (h, w), ``masks`` (h, w, n_words) uint64, ``landmarks``
+    (N, 2), ``survey`` (N,) variances, m²; outputs (h, w, 3), (h, w), (h, w, 3), (h, w), (h, w) hold NaN, -1
+    and 0 before.
     """
     h, w = free.shape
     n_all = landmarks.shape[0]
-    hull_only = sensor[0] == OMNIDIRECTIONAL and not has_survey
-    pinhole = sensor[0] != OMNIDIRECTIONAL
-    needs_azimuth = sensor[0] != OMNIDIRECTIONAL and sensor[0] != CENTRED_FREE
+    pinhole = sensor[MODE] != OMNIDIRECTIONAL
+    hull_only = not (pinhole or has_survey or sensor[CRITERION] != AREA or sensor[LEVER] > 0.0)
+    needs_azimuth = pinhole and sensor[MODE] != CENTRED_FREE and sensor[MODE] != FIXED
     seen = np.empty(n_all + 1, dtype=np.int64)
     order = np.empty(n_all + 1, dtype=np.int64)
     last = np.empty(n_all + 1, dtype=np.int64)
@@ -191,21 +241,18 @@ def field_tile(
         for col in range(w):
             if not free[row, col]:
                 continue
-            x = centres[row, col, 0]
-            y = centres[row, col, 1]
-            n_bits = visible_indices(masks[row, col], seen)
-            n = 0
-            for a in range(n_bits):
+            # The sensor stands a lever arm away: (LEVER_Y, -LEVER_X) from the robot's centre.
+            x = centres[row, col, 0] + sensor[LEVER_Y]
+            y = centres[row, col, 1] - sensor[LEVER_X]
+            n = in_view(x, y, visible_indices(masks[row, col], seen), seen, landmarks, sensor)
+            for a in range(n):
                 i = seen[a]
                 dx = landmarks[i, 0] - x
                 dy = landmarks[i, 1] - y
                 r2 = dx * dx + dy * dy
-                if r2 >= TOUCH_M * TOUCH_M:
-                    seen[n] = i
-                    strength[i] = 1.0 / r2
-                    gx[n] = dx / r2
-                    gy[n] = dy / r2
-                    n += 1
+                strength[i] = 1.0 / r2
+                gx[a] = dx / r2
+                gy[a] = dy / r2
             out_n_visible[row, col] = n
             if n < 3:
                 continue
@@ -227,7 +274,7 @@ def field_tile(
                     at[order[a]] = a
                 n_last = n
                 inverted(
-                    x, y, n, order, landmarks, survey, sensor[5], needs_azimuth, gx, gy, rho, azimuth, shares
+                    x, y, n, order, landmarks, survey, sensor, needs_azimuth, gx, gy, rho, azimuth, shares
                 )
                 # Triplets that were best nearby tell how good the best is at least.
                 known = 0.0

@@ -4,8 +4,11 @@ Landmark ``i`` at ``d_i`` from the robot is inverted in the unit circle: ``g_i =
 gradient ``q_i`` is ``g_i`` turned by -90°, so the triangle of the ``g_i`` has the area of the triangle of
 the ``q_i``. ``D`` is twice that area, signed. ``v_i`` is the variance of bearing ``i``, rad².
 
-``sensor`` (7,): mode (a constant below), bearing variance on the optical axis (rad²), field of view, pan_min,
-pan_max, heading (rad), cosine of the field of view.
+``sensor`` (13 + 2 S,), positions named below: mode, bearing variance on the optical axis (rad²), field of
+view, pan_min, pan_max, heading of the sensor (rad), cosine of the field of view (-2 where three landmarks in
+reach are always seen together), floor of the bearing variance (rad²), criterion, length of the lever arm from
+the robot's centre to the sensor (m), its change per radian of heading (x, y in W, m), number S of muted
+sectors and, for each, where it begins and how wide it is (rad, from the sensor's heading, counter-clockwise).
 """
 
 from __future__ import annotations
@@ -15,6 +18,9 @@ import math
 import numpy as np
 from numba import njit
 
+MODE, ON_AXIS, VIEW, PAN_MIN, PAN_MAX, HEADING, COS_VIEW, FLOOR, CRITERION = range(9)
+LEVER, LEVER_X, LEVER_Y, N_MUTED, MUTED = range(9, 14)
+
 #: Constant bearing variance, all around.
 OMNIDIRECTIONAL = 0.0
 #: Pinhole, axis on the middle of the triplet, every direction in reach.
@@ -23,6 +29,13 @@ CENTRED_FREE = 1.0
 CENTRED_LIMITED = 2.0
 #: Pinhole, axis where the ellipse is smallest.
 OPTIMAL = 3.0
+#: Pinhole that cannot turn: axis along the sensor's heading.
+FIXED = 4.0
+
+#: Criteria: area of the ellipse (D-optimal), its major axis (E-optimal), sum of variances (A-optimal).
+AREA = 0.0
+MAX_AXIS = 1.0
+TRACE = 2.0
 
 #: Rounding allowed when a triplet just fits into the field of view, rad (and in its cosine).
 FIT_TOLERANCE = 1e-12
@@ -110,8 +123,8 @@ def pan_axis(b1, b2, b3, s1, s2, s3, sensor, tolerance):
     NaN when the triplet does not fit into the field of view or the pan limits by more than ``tolerance``
     (rad). Not wrapped.
     """
-    mode = sensor[0]
-    half = 0.5 * sensor[2]
+    mode = sensor[MODE]
+    half = 0.5 * sensor[VIEW]
     d2 = wrapped(b2 - b1)
     d3 = wrapped(b3 - b1)
     low = b1 + min(0.0, d2, d3)
@@ -129,9 +142,9 @@ def pan_axis(b1, b2, b3, s1, s2, s3, sensor, tolerance):
         a = first + turn * _TURN
         b = last + turn * _TURN
         m = middle + turn * _TURN
-        if sensor[4] - sensor[3] < _TURN - 1e-9:
-            a = max(a, sensor[3])
-            b = min(b, sensor[4])
+        if sensor[PAN_MAX] - sensor[PAN_MIN] < _TURN - 1e-9:
+            a = max(a, sensor[PAN_MIN])
+            b = min(b, sensor[PAN_MAX])
         elif turn != 0:
             continue
         if a > b + tolerance:
@@ -139,8 +152,8 @@ def pan_axis(b1, b2, b3, s1, s2, s3, sensor, tolerance):
         if a > b:
             a = b
         if mode == OPTIMAL:
-            axis = _best_axis(a, b, b1, b2, b3, s1, s2, s3, sensor[1])
-            value = _pair_sum(axis, b1, b2, b3, s1, s2, s3, sensor[1])
+            axis = _best_axis(a, b, b1, b2, b3, s1, s2, s3, sensor[ON_AXIS])
+            value = _pair_sum(axis, b1, b2, b3, s1, s2, s3, sensor[ON_AXIS])
         else:
             axis = min(max(m, a), b)
             value = abs(axis - m)
@@ -151,39 +164,73 @@ def pan_axis(b1, b2, b3, s1, s2, s3, sensor, tolerance):
 
 
 @njit(cache=True, nogil=True)
-def triplet_covariance(x1, y1, x2, y2, x3, y3, v1, v2, v3):
+def sides_and_weights(x1, y1, x2, y2, x3, y3, bx, by):
+    """How a fix answers to errors of its bearings: position (3 × 2 numbers) and heading (3), times D, and D.
+
+    With ``e_i`` the side of the inverted triangle opposite to corner i and ``l_i`` twice the area that the
+    origin spans with it, bearing errors n move the sensor by ``Σ n_i e_i / D`` and turn it by
+    ``-Σ n_i l_i / D``; the robot, a lever arm with change ``b`` per radian behind it, moves by
+    ``Σ n_i (e_i + l_i b) / D``.
+    """
+    d = (x2 - x1) * (y3 - y1) - (y2 - y1) * (x3 - x1)
+    l1 = x2 * y3 - y2 * x3
+    l2 = x3 * y1 - y3 * x1
+    l3 = x1 * y2 - y1 * x2
+    ax = x3 - x2 + l1 * bx
+    ay = y3 - y2 + l1 * by
+    cx = x1 - x3 + l2 * bx
+    cy = y1 - y3 + l2 * by
+    ex = x2 - x1 + l3 * bx
+    ey = y2 - y1 + l3 * by
+    return ax, ay, cx, cy, ex, ey, l1, l2, l3, d
+
+
+@njit(cache=True, nogil=True)
+def triplet_covariance(x1, y1, x2, y2, x3, y3, v1, v2, v3, bx, by):
     """Σ (xx, xy, yy, m²), variance of the heading (rad²) and D of inverted landmarks with variances v.
 
-    Equation (5) of MAS97, multiplied out: with ``e_i`` the side of the inverted triangle opposite to
-    corner i, ``Σ = Σ_i v_i e_i e_iᵀ / D²``; the heading's variance is ``Σ_i v_i λ_i²``, λ the barycentric
-    coordinates of the robot. NaN where the triplet is degenerate.
+    Equation (5) of MAS97, multiplied out: ``Σ = Σ_i v_i e_i e_iᵀ / D²``; the heading's variance is
+    ``Σ_i v_i l_i² / D²``. ``(bx, by)`` is the lever arm's change per radian. NaN where degenerate.
     """
-    ax = x3 - x2
-    ay = y3 - y2
-    bx = x1 - x3
-    by = y1 - y3
-    cx = x2 - x1
-    cy = y2 - y1
-    d = cx * (y3 - y1) - cy * (x3 - x1)
+    ax, ay, cx, cy, ex, ey, l1, l2, l3, d = sides_and_weights(x1, y1, x2, y2, x3, y3, bx, by)
     scale = x1 * x1 + y1 * y1 + x2 * x2 + y2 * y2 + x3 * x3 + y3 * y3
     if not abs(d) > DEGENERATE * scale:
         return np.nan, np.nan, np.nan, np.nan, d
     w = 1.0 / (d * d)
-    xx = (v1 * ax * ax + v2 * bx * bx + v3 * cx * cx) * w
-    xy = (v1 * ax * ay + v2 * bx * by + v3 * cx * cy) * w
-    yy = (v1 * ay * ay + v2 * by * by + v3 * cy * cy) * w
-    l1 = x2 * y3 - y2 * x3
-    l2 = x3 * y1 - y3 * x1
-    l3 = x1 * y2 - y1 * x2
+    xx = (v1 * ax * ax + v2 * cx * cx + v3 * ex * ex) * w
+    xy = (v1 * ax * ay + v2 * cx * cy + v3 * ex * ey) * w
+    yy = (v1 * ay * ay + v2 * cy * cy + v3 * ey * ey) * w
     return xx, xy, yy, (v1 * l1 * l1 + v2 * l2 * l2 + v3 * l3 * l3) * w, d
 
 
 @njit(cache=True, nogil=True)
+def fixed_variance(dx, dy, r2, share, sensor):
+    """Variance of a fixed camera's bearing along (dx, dy), ``share`` added; NaN outside the view."""
+    forward = dx * math.cos(sensor[HEADING]) + dy * math.sin(sensor[HEADING])
+    if forward < 0.0 or forward < (math.cos(0.5 * sensor[VIEW]) - FIT_TOLERANCE) * math.sqrt(r2):
+        return np.nan
+    c = forward * forward / r2
+    return sensor[ON_AXIS] * c * c + share
+
+
+@njit(cache=True, nogil=True)
+def is_muted(dx, dy, sensor):
+    """Whether (dx, dy) lies in a muted sector, borders included."""
+    for k in range(int(sensor[N_MUTED])):
+        off = math.atan2(dy, dx) - sensor[HEADING] - sensor[MUTED + 2 * k]
+        off -= _TURN * math.floor(off / _TURN)
+        if off <= sensor[MUTED + 2 * k + 1] + FIT_TOLERANCE or off >= _TURN - FIT_TOLERANCE:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
 def triplet_fix(x, y, i, j, k, landmarks, survey, sensor):
-    """Fix of the landmarks i, j, k from (x, y): xx, xy, yy, variance of the heading, pan.
+    """Fix of the landmarks i, j, k with the sensor at (x, y): xx, xy, yy, variance of the heading, pan.
 
     ``landmarks`` (N, 2) in W, m; ``survey`` (N,) variances, m². The one place where a chosen triplet
-    becomes a covariance. NaN without a fix; pan is relative to the heading, NaN without a pan head.
+    becomes a covariance: that of the robot's centre. NaN without a fix; pan is relative to the sensor's
+    heading, NaN without a pan head. Muted sectors are not looked at.
     """
     dx1 = landmarks[i, 0] - x
     dy1 = landmarks[i, 1] - y
@@ -191,30 +238,49 @@ def triplet_fix(x, y, i, j, k, landmarks, survey, sensor):
     dy2 = landmarks[j, 1] - y
     dx3 = landmarks[k, 0] - x
     dy3 = landmarks[k, 1] - y
-    w1 = 1.0 / (dx1 * dx1 + dy1 * dy1)
-    w2 = 1.0 / (dx2 * dx2 + dy2 * dy2)
-    w3 = 1.0 / (dx3 * dx3 + dy3 * dy3)
-    s1 = survey[i] * w1
-    s2 = survey[j] * w2
-    s3 = survey[k] * w3
+    r1 = dx1 * dx1 + dy1 * dy1
+    r2 = dx2 * dx2 + dy2 * dy2
+    r3 = dx3 * dx3 + dy3 * dy3
+    w1 = 1.0 / r1
+    w2 = 1.0 / r2
+    w3 = 1.0 / r3
+    s1 = survey[i] * w1 + sensor[FLOOR]
+    s2 = survey[j] * w2 + sensor[FLOOR]
+    s3 = survey[k] * w3 + sensor[FLOOR]
     pan = np.nan
-    if sensor[0] == OMNIDIRECTIONAL:
-        v1 = sensor[1] + s1
-        v2 = sensor[1] + s2
-        v3 = sensor[1] + s3
+    if sensor[MODE] == OMNIDIRECTIONAL:
+        v1 = sensor[ON_AXIS] + s1
+        v2 = sensor[ON_AXIS] + s2
+        v3 = sensor[ON_AXIS] + s3
+    elif sensor[MODE] == FIXED:
+        v1 = fixed_variance(dx1, dy1, r1, s1, sensor)
+        v2 = fixed_variance(dx2, dy2, r2, s2, sensor)
+        v3 = fixed_variance(dx3, dy3, r3, s3, sensor)
+        if math.isnan(v1 + v2 + v3):
+            return np.nan, np.nan, np.nan, np.nan, np.nan
     else:
-        b1 = wrapped(math.atan2(dy1, dx1) - sensor[5])
-        b2 = wrapped(math.atan2(dy2, dx2) - sensor[5])
-        b3 = wrapped(math.atan2(dy3, dx3) - sensor[5])
+        b1 = wrapped(math.atan2(dy1, dx1) - sensor[HEADING])
+        b2 = wrapped(math.atan2(dy2, dx2) - sensor[HEADING])
+        b3 = wrapped(math.atan2(dy3, dx3) - sensor[HEADING])
         axis = pan_axis(b1, b2, b3, s1, s2, s3, sensor, _CHOSEN_TOLERANCE)
         if math.isnan(axis):
             return np.nan, np.nan, np.nan, np.nan, np.nan
-        v1 = bearing_variance(b1 - axis, sensor[1], s1)
-        v2 = bearing_variance(b2 - axis, sensor[1], s2)
-        v3 = bearing_variance(b3 - axis, sensor[1], s3)
+        v1 = bearing_variance(b1 - axis, sensor[ON_AXIS], s1)
+        v2 = bearing_variance(b2 - axis, sensor[ON_AXIS], s2)
+        v3 = bearing_variance(b3 - axis, sensor[ON_AXIS], s3)
         pan = wrapped(axis)
     xx, xy, yy, heading, _ = triplet_covariance(
-        dx1 * w1, dy1 * w1, dx2 * w2, dy2 * w2, dx3 * w3, dy3 * w3, v1, v2, v3
+        dx1 * w1,
+        dy1 * w1,
+        dx2 * w2,
+        dy2 * w2,
+        dx3 * w3,
+        dy3 * w3,
+        v1,
+        v2,
+        v3,
+        sensor[LEVER_X],
+        sensor[LEVER_Y],
     )
     if math.isnan(xx):
         pan = np.nan
@@ -222,11 +288,11 @@ def triplet_fix(x, y, i, j, k, landmarks, survey, sensor):
 
 
 @njit(cache=True, nogil=True)
-def information_covariance(inverted, variances):
+def information_covariance(inverted, variances, bx, by):
     """Σ (xx, xy, yy) and variance of the heading from the information of any number of bearings.
 
-    ``inverted`` (n, 2) landmarks, ``variances`` (n,) rad². Sums ``w h hᵀ`` with ``h = [qᵀ, -1]`` about the
-    weighted mean of the q; NaN where the information is singular.
+    ``inverted`` (n, 2) landmarks, ``variances`` (n,) rad²; ``(bx, by)``: lever arm's change per radian. Sums
+    ``w h hᵀ`` with ``h = [qᵀ, -1]`` about the weighted mean of the q; NaN where the information is singular.
     """
     n = inverted.shape[0]
     total = 0.0
@@ -260,5 +326,11 @@ def information_covariance(inverted, variances):
     xy = -b / det
     yy = a / det
     # θ = q̄ᵀp minus the mean innovation, and the two are independent.
-    heading = 1.0 / total + mx * mx * xx + 2.0 * mx * my * xy + my * my * yy
+    px = xx * mx + xy * my
+    py = xy * mx + yy * my
+    heading = 1.0 / total + mx * px + my * py
+    # Position of the robot: p - b θ, with cov(p, θ) = Σ q̄.
+    xx += bx * (bx * heading - 2.0 * px)
+    xy += bx * by * heading - bx * py - by * px
+    yy += by * (by * heading - 2.0 * py)
     return xx, xy, yy, heading

@@ -12,8 +12,8 @@ import math
 import numpy as np
 from numba import njit
 
-from localization.kernels.fix import CENTRED_FREE, FIT_TOLERANCE
-from localization.kernels.triplets import SLACK, offer, sorted_three, triplet_value
+from localization.kernels.fix import CENTRED_FREE, COS_VIEW, FIT_TOLERANCE, FIXED, MODE, ON_AXIS, VIEW
+from localization.kernels.triplets import SLACK, loosening, offer, sorted_three, triplet_value
 
 # Share of ρ² that rounding may add to twice an area.
 _ROUNDING = 1e-14
@@ -82,22 +82,18 @@ def ranked_by_span(
     found = 0
     values[:] = -1.0
     triplets[:] = -1
-    view = sensor[2]
-    cos_view = sensor[6] - FIT_TOLERANCE
-    terms = np.empty(6)
-    terms[3] = sensor[1]
-    if sensor[0] == CENTRED_FREE:
+    view = sensor[VIEW]
+    cos_view = sensor[COS_VIEW] - FIT_TOLERANCE
+    terms = np.zeros(6)
+    terms[3] = sensor[ON_AXIS]
+    if sensor[MODE] == CENTRED_FREE:
         terms[0] = 1.0
         terms[1] = 1.0
-        terms[2] = 0.0
-        terms[4] = 0.0
         terms[5] = 1.0
-    else:
-        terms[0] = 0.0
+    elif sensor[MODE] != FIXED:  # there the shares hold the whole variance
         terms[1] = 1.0 + math.cos(view)
         terms[2] = math.sin(view)
-        terms[4] = sensor[1] * math.cos(0.5 * view) ** 4
-        terms[5] = 0.0
+        terms[4] = sensor[ON_AXIS] * math.cos(0.5 * view) ** 4
     least = np.inf
     for a in range(n):
         i = ring[a]
@@ -108,7 +104,11 @@ def ranked_by_span(
             p[b] = rho[i]
             r[b] = 1.0 / rho[i]
             s[b] = survey[i]
-    bar = known * (1.0 - SLACK)
+    strongest = 0.0
+    for a in range(n):
+        strongest = max(strongest, p[a])
+    loose = loosening(strongest, sensor) * (1.0 - SLACK)
+    bar = known * loose
     last = 1
     for lo in range(n):
         xl = x[lo]
@@ -139,7 +139,7 @@ def ranked_by_span(
             dot = xl * x[hi] + yl * y[hi]
             scale = r[lo] * r[hi]
             c = 0.5 * (terms[0] + scale * (terms[1] * dot + terms[2] * off))
-            c = sensor[1] * c * c
+            c = sensor[ON_AXIS] * c * c
             f = terms[4] + terms[5] * c
             pair = c * c + f * (s[lo] + s[hi]) + s[lo] * s[hi] + (f + least) * (2.0 * c + s[lo] + s[hi])
             strongest = max(p[lo], p[hi], near[hi])
@@ -155,7 +155,7 @@ def ranked_by_span(
                     continue
                 i, j, k = sorted_three(index[i], index[j], index[k])
                 found = offer(value, i, j, k, values, triplets, found)
-                if found == size and values[size - 1] * (1.0 - SLACK) > bar:
-                    bar = values[size - 1] * (1.0 - SLACK)
+                if found == size and values[size - 1] * loose > bar:
+                    bar = values[size - 1] * loose
                     need = math.sqrt(bar * pair) - tiny
     return found

@@ -1,9 +1,11 @@
 """Exact search for the best triplet in one place: largest triangle, and branch and bound (MATH §3).
 
-Sought is the triplet with the largest ``D² / (v1 v2 + v1 v3 + v2 v3)``, which is 1 / det Σ. Landmarks come
-inverted (see ``kernels.fix``). Nothing here depends on where a search started: a triplet's value is a
-function of the place alone, every triplet that could reach the best is looked at, and of equal values the
-triplet with the smallest indices wins.
+Sought is the triplet with the largest value: 1 / det Σ by area (``D² / (v1 v2 + v1 v3 + v2 v3)`` without a
+lever arm), 1 / λ² by the largest eigenvalue λ of Σ, 4 / t² by its trace t. As ``det Σ ≤ λ²`` and
+``4 det Σ ≤ t²``, whatever bounds the first bounds all three. Landmarks come inverted (see ``kernels.fix``).
+
+Nothing here depends on where a search started: a triplet's value is a function of the place alone, every
+triplet that could reach the best is looked at, and of equal values the smallest indices win.
 """
 
 from __future__ import annotations
@@ -14,12 +16,24 @@ import numpy as np
 from numba import njit
 
 from localization.kernels.fix import (
+    AREA,
     CENTRED_FREE,
+    COS_VIEW,
+    CRITERION,
     DEGENERATE,
     FIT_TOLERANCE,
+    FIXED,
+    LEVER,
+    LEVER_X,
+    LEVER_Y,
+    MODE,
     OMNIDIRECTIONAL,
+    ON_AXIS,
+    TRACE,
+    VIEW,
     bearing_variance,
     pan_axis,
+    sides_and_weights,
 )
 
 #: Share by which bounds are loosened, far above rounding: an equal triplet is never cut off.
@@ -166,10 +180,40 @@ def largest_triangle(n, xs, ys, order, hull, triplet):
 
 
 @njit(cache=True, nogil=True)
-def triplet_value(i, j, k, gx, gy, rho, azimuth, survey, sensor):
-    """``D² / (v1 v2 + v1 v3 + v2 v3)`` of the landmarks i, j, k; -1 when they give no fix together.
+def _criterion_value(x1, y1, x2, y2, x3, y3, v1, v2, v3, sensor):
+    """Value of a triplet of inverted landmarks under any criterion and lever arm."""
+    bx = sensor[LEVER_X]
+    by = sensor[LEVER_Y]
+    ax, ay, cx, cy, ex, ey, _, _, _, d = sides_and_weights(x1, y1, x2, y2, x3, y3, bx, by)
+    if sensor[CRITERION] == AREA:
+        # det of Σ v u uᵀ without cancellation: the u span D (1 + g × b) in pairs.
+        f1 = 1.0 + x1 * by - y1 * bx
+        f2 = 1.0 + x2 * by - y2 * bx
+        f3 = 1.0 + x3 * by - y3 * bx
+        return d * d / (v1 * v2 * f3 * f3 + v1 * v3 * f2 * f2 + v2 * v3 * f1 * f1)
+    xx = v1 * ax * ax + v2 * cx * cx + v3 * ex * ex
+    yy = v1 * ay * ay + v2 * cy * cy + v3 * ey * ey
+    half = 0.5 * (xx + yy)
+    if sensor[CRITERION] != TRACE:
+        xy = v1 * ax * ay + v2 * cx * cy + v3 * ex * ey
+        half += math.sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy)
+    root = d * d / half
+    return root * root
 
-    ``gx``, ``gy`` inverted, ``rho`` 1/r, ``azimuth`` relative to the heading, ``survey`` (rad²): (n,).
+
+@njit(cache=True, nogil=True)
+def loosening(strongest, sensor):
+    """To what share a lever arm can shrink an ellipse's squared area; ``strongest`` is the largest ρ."""
+    rest = max(0.0, 1.0 - strongest * sensor[LEVER])
+    return rest * rest
+
+
+@njit(cache=True, nogil=True)
+def triplet_value(i, j, k, gx, gy, rho, azimuth, survey, sensor):
+    """Value of the landmarks i, j, k; -1 when they give no fix together.
+
+    ``gx``, ``gy`` inverted, ``rho`` 1/r, ``azimuth`` relative to the heading, ``survey`` (rad²): (n,); the
+    last is added to the sensor's variance, or is the whole for a fixed camera.
     """
     x1 = gx[i]
     y1 = gy[i]
@@ -180,11 +224,15 @@ def triplet_value(i, j, k, gx, gy, rho, azimuth, survey, sensor):
     d = (x2 - x1) * (y3 - y1) - (y2 - y1) * (x3 - x1)
     if is_degenerate(d, rho[i] * rho[i] + rho[j] * rho[j] + rho[k] * rho[k]):
         return -1.0
-    mode = sensor[0]
+    mode = sensor[MODE]
     if mode == OMNIDIRECTIONAL:
-        v1 = sensor[1] + survey[i]
-        v2 = sensor[1] + survey[j]
-        v3 = sensor[1] + survey[k]
+        v1 = sensor[ON_AXIS] + survey[i]
+        v2 = sensor[ON_AXIS] + survey[j]
+        v3 = sensor[ON_AXIS] + survey[k]
+    elif mode == FIXED:
+        v1 = survey[i]
+        v2 = survey[j]
+        v3 = survey[k]
     elif mode == CENTRED_FREE:
         c12 = (x1 * x2 + y1 * y2) / (rho[i] * rho[j])
         c13 = (x1 * x3 + y1 * y3) / (rho[i] * rho[k])
@@ -197,12 +245,12 @@ def triplet_value(i, j, k, gx, gy, rho, azimuth, survey, sensor):
             inner = 0.5 * (c12 + c23)
         else:
             inner = 0.5 * (c12 + c13)
-        if 2.0 * s - 1.0 < sensor[6] - FIT_TOLERANCE or inner < s * (1.0 - FIT_TOLERANCE):
+        if 2.0 * s - 1.0 < sensor[COS_VIEW] - FIT_TOLERANCE or inner < s * (1.0 - FIT_TOLERANCE):
             return -1.0
         # cos² off the axis: s for the outer two, inner² / s for the middle one.
-        outer = sensor[1] * s * s
+        outer = sensor[ON_AXIS] * s * s
         m = inner * inner / s
-        middle = sensor[1] * m * m
+        middle = sensor[ON_AXIS] * m * m
         if c12 <= c13 and c12 <= c23:
             v1 = outer + survey[i]
             v2 = outer + survey[j]
@@ -221,10 +269,23 @@ def triplet_value(i, j, k, gx, gy, rho, azimuth, survey, sensor):
         )
         if math.isnan(axis):
             return -1.0
-        v1 = bearing_variance(azimuth[i] - axis, sensor[1], survey[i])
-        v2 = bearing_variance(azimuth[j] - axis, sensor[1], survey[j])
-        v3 = bearing_variance(azimuth[k] - axis, sensor[1], survey[k])
-    return d * d / (v1 * v2 + v3 * (v1 + v2))
+        v1 = bearing_variance(azimuth[i] - axis, sensor[ON_AXIS], survey[i])
+        v2 = bearing_variance(azimuth[j] - axis, sensor[ON_AXIS], survey[j])
+        v3 = bearing_variance(azimuth[k] - axis, sensor[ON_AXIS], survey[k])
+    if sensor[CRITERION] == AREA and sensor[LEVER] == 0.0:
+        return d * d / (v1 * v2 + v3 * (v1 + v2))
+    return _criterion_value(x1, y1, x2, y2, x3, y3, v1, v2, v3, sensor)
+
+
+@njit(cache=True, nogil=True)
+def _limits(sensor):
+    """Of a sensor: largest |D| / (ρ ρ), least variance before shares, least cosine within a view."""
+    if sensor[MODE] == OMNIDIRECTIONAL:
+        return 1.5 * math.sqrt(3.0), sensor[ON_AXIS], -2.0
+    reach = 2.0 * math.sin(0.5 * sensor[VIEW])
+    if sensor[MODE] == FIXED:
+        return reach, 0.0, -2.0
+    return reach, sensor[ON_AXIS] * math.cos(0.5 * sensor[VIEW]) ** 4, sensor[COS_VIEW] - FIT_TOLERANCE
 
 
 @njit(cache=True, nogil=True)
@@ -268,18 +329,12 @@ def ranked_triplets(
     found = 0
     values[:] = -1.0
     triplets[:] = -1
-    pinhole = sensor[0] != OMNIDIRECTIONAL
-    reach = 1.5 * math.sqrt(3.0)
-    on_axis = sensor[1]
-    cos_view = -2.0
-    if pinhole:
-        reach = 2.0 * math.sin(0.5 * sensor[2])
-        cos_view = sensor[6] - FIT_TOLERANCE
-        on_axis *= math.cos(0.5 * sensor[2]) ** 4
+    reach, on_axis, cos_view = _limits(sensor)
+    loose = loosening(rho[0], sensor) * (1.0 - SLACK)
     least = np.inf
     for i in range(n):
         least = min(least, on_axis + survey[i])
-    bar = known * (1.0 - SLACK)
+    bar = known * loose
     for i in range(n - 2):
         xi = gx[i]
         yi = gy[i]
@@ -325,8 +380,8 @@ def ranked_triplets(
                     continue
                 k0, k1, k2 = sorted_three(index[i], index[j], index[k])
                 found = offer(value, k0, k1, k2, values, triplets, found)
-                if found == size and values[size - 1] * (1.0 - SLACK) > bar:
-                    bar = values[size - 1] * (1.0 - SLACK)
+                if found == size and values[size - 1] * loose > bar:
+                    bar = values[size - 1] * loose
                     limit = bar * pair
                     cut = (math.sqrt(limit) - abs(twice)) * per_side
     return found
@@ -335,12 +390,11 @@ def ranked_triplets(
 @njit(cache=True, nogil=True)
 def strong_pairs(n, rho, survey, sensor, known):
     """How many pairs of landmarks ``ranked_triplets`` cannot rule out by strength alone; arguments there."""
-    reach = 2.0 * math.sin(0.5 * sensor[2])
-    on_axis = sensor[1] * math.cos(0.5 * sensor[2]) ** 4
+    reach, on_axis, _ = _limits(sensor)
     least = np.inf
     for i in range(n):
         least = min(least, on_axis + survey[i])
-    need = math.sqrt(3.0 * known) * least / reach
+    need = math.sqrt(3.0 * known * loosening(rho[0], sensor)) * least / reach
     count = 0
     j = n - 1
     for i in range(n - 1):

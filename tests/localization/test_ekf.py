@@ -115,7 +115,7 @@ def test_bearings_and_their_fix_say_the_same():
     posterior = update_with_bearings(belief, bearings_from(pose)[:3], LANDMARKS[:3], sigma=0.01).posterior
     d = LANDMARKS[:3] - pose[:2]
     inverted = d / np.sum(d * d, axis=1, keepdims=True)
-    xx, xy, yy, variance = information_covariance(inverted, np.full(3, 1e-4))
+    xx, xy, yy, variance = information_covariance(inverted, np.full(3, 1e-4), 0.0, 0.0)
     np.testing.assert_allclose(posterior.position_covariance, [xx, xy, yy], rtol=1e-3)
     assert posterior.sigma_theta**2 == pytest.approx(variance, rel=1e-3)
 

@@ -7,13 +7,16 @@ import math
 import pickle
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from localization.errors import InvalidSensor
 from localization.sensors import (
+    FORWARD_CAMERA,
     LASER,
     MAS97_CAMERA,
     PRESETS,
+    Mount,
     OmnidirectionalSensor,
     PinholePanSensor,
     kernel_args,
@@ -116,8 +119,70 @@ def test_kernel_args():
         2.0,
         0.3,
         math.cos(LIMITED.field_of_view),
+        *[0.0] * 6,
     ]
+    mounted = OmnidirectionalSensor(0.1, bearing_floor=0.2, muted=((3.0, -3.0),), mount=Mount(1.0, 0.5, 0.25))
+    args = kernel_args(mounted, math.pi / 2, "trace")
+    assert args[5] == math.pi / 2 + 0.25
+    # The sensor is half a metre to the right of and a metre ahead of a robot that looks along y.
+    want = [0.04, 2.0, math.hypot(1.0, 0.5), -1.0, -0.5, 1.0, 3.0, 2 * math.pi - 6.0]
+    np.testing.assert_allclose(args[7:], want)
+    with pytest.raises(InvalidSensor, match="'best'"):
+        kernel_args(LASER, criterion="best")
+
+
+def test_mounted_sensors_depend_on_the_heading():
+    assert not LASER.depends_on_heading
+    assert not replace(LASER, mount=Mount(theta=1.0)).depends_on_heading
+    assert replace(LASER, mount=Mount(x=0.1)).depends_on_heading
+    assert replace(LASER, muted=((0.0, 1.0),)).depends_on_heading
+    assert not MAS97_CAMERA.depends_on_heading
+    assert replace(MAS97_CAMERA, mount=Mount(y=0.1)).depends_on_heading
+    assert FORWARD_CAMERA.depends_on_heading
+
+
+ODD = [
+    replace(LASER, bearing_floor=0.001, muted=((2.0, -2.0), (0.1, 0.2)), mount=Mount(0.2, -0.1, 3.0)),
+    replace(FORWARD_CAMERA, max_range=12.0, mount=Mount(0.3)),
+    replace(MAS97_CAMERA, bearing_floor=0.002, mount=Mount(theta=1.0)),
+]
+
+
+@pytest.mark.parametrize("sensor", ODD)
+def test_new_parts_survive_json(sensor):
+    values = json.loads(json.dumps(sensor_to_dict(sensor)))
+    again = sensor_from_dict(values)
+    assert again == sensor
+    assert sensor_hash(again) == sensor_hash(sensor)
+    for other in (LASER, MAS97_CAMERA, FORWARD_CAMERA, *(o for o in ODD if o != sensor)):
+        assert sensor_hash(other) != sensor_hash(sensor)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Mount(x=math.nan), "mount.x is nan"),
+        (lambda: Mount(x=200.0), "at most 100 m"),
+        (lambda: replace(LASER, bearing_floor=-0.1), "bearing_floor is -0.1"),
+        (lambda: replace(LASER, muted=((0.0, 7.0),)), "within ±2π"),
+        (lambda: replace(LASER, muted=((1.0, 1.0),)), "apart from where it begins"),
+        (lambda: replace(FORWARD_CAMERA, field_of_view=math.pi), "below π"),
+        (lambda: replace(FORWARD_CAMERA, min_range=3.0, max_range=2.0), "max_range is 2"),
+        (lambda: sensor_from_dict({"kind": "pinhole_fixed"}), "incomplete"),
+        (
+            lambda: sensor_from_dict({"kind": "omnidirectional", "bearing_sigma": 0.1, "mount": 3}),
+            "malformed",
+        ),
+    ],
+)
+def test_impossible_new_parts(make, words):
+    with pytest.raises(InvalidSensor, match=words):
+        make()
+
+
+def test_offset_turns_with_the_robot():
+    np.testing.assert_allclose(Mount(1.0, 0.5).offset(math.pi / 2), (-0.5, 1.0), atol=1e-15)
 
 
 def test_presets():
-    assert set(PRESETS) == {"mas97", "laser"}
+    assert set(PRESETS) == {"mas97", "laser", "forward"}

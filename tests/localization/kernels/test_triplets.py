@@ -16,7 +16,7 @@ from localization.kernels.triplets import (
     strong_pairs,
     triplet_value,
 )
-from localization.sensors import kernel_args
+from localization.sensors import CRITERIA, kernel_args
 from tests import oracles
 from tests.triplet_arrays import SENSORS, nearest_first, search
 
@@ -65,29 +65,31 @@ def test_points_on_a_line_have_no_triangle():
         assert corners.tolist() == [-1, -1, -1]
 
 
+@pytest.mark.parametrize("criterion", CRITERIA)
 @pytest.mark.parametrize("name", SENSORS)
-def test_ranking_is_that_of_enumeration(rng, name):
+def test_ranking_is_that_of_enumeration(rng, name, criterion):
     sensor = SENSORS[name]
     compared = 0
-    for trial in range(10):
+    for trial in range(10 if criterion == "area" else 4):
         n = 9
         heading = rng.uniform(-3, 3) if sensor.depends_on_heading else 0.0
         landmarks = rng.uniform(-8, 8, (n, 2)) if trial % 2 else on_walls(rng, n)
         point = rng.uniform(-3, 3, 2)
         sigmas = rng.choice([0.0, 0.02], n) if trial % 3 == 0 else np.zeros(n)
-        want = oracles.ranked_triplets(point, landmarks, sigmas, sensor, heading)
-        values, triplets = search(point, landmarks, sigmas, sensor, heading, count=100)
+        want = oracles.ranked_triplets(point, landmarks, sigmas, sensor, heading, criterion)
+        values, triplets = search(point, landmarks, sigmas, sensor, heading, 100, criterion=criterion)
         assert len(values) == len(want)
-        rel = 1e-5 if "optimal" in name else 1e-7
+        # The best axis is found to a thousandth of its range; by area that is an error of second order.
+        rel = 1e-7 if "optimal" not in name else 1e-5 if criterion == "area" else 2e-3
         np.testing.assert_allclose(1.0 / values, [d for d, _ in want], rtol=rel)
         assert len({tuple(t) for t in triplets.tolist()}) == len(want)
         compared += len(want)
-        best, _ = search(point, landmarks, sigmas, sensor, heading, count=1)
+        best, _ = search(point, landmarks, sigmas, sensor, heading, 1, criterion=criterion)
         np.testing.assert_array_equal(best, values[:1])
-        few, which = search(point, landmarks, sigmas, sensor, heading, count=5)
+        few, which = search(point, landmarks, sigmas, sensor, heading, 5, criterion=criterion)
         np.testing.assert_array_equal(few, values[:5])
         np.testing.assert_array_equal(which, triplets[:5])
-    assert compared > 10
+    assert compared > 3
 
 
 def on_walls(rng, n):
