@@ -53,7 +53,7 @@ def fix_png(world: World, cloud: FixCloud, *, width: int = 1500, title: str = ""
     """
     if width < _MIN_WIDTH:
         raise InvalidPicture(f"Width is {width} px; two panels need at least {_MIN_WIDTH} px.")
-    left, right = _overview(world, cloud), _close_up(cloud)
+    left, right = _overview(world, cloud), close_up(cloud)
     aspect = (left[2] - left[0]) / (left[3] - left[1])
     side = max(16, int((width - 3 * _GAP) / (aspect + 1)))
     height = side + _HEADER + _FOOTER
@@ -62,7 +62,7 @@ def fix_png(world: World, cloud: FixCloud, *, width: int = 1500, title: str = ""
     x = _GAP
     for window, columns in ((left, max(16, round(side * aspect))), (right, side)):
         view = canvas.fit_view(window, columns * _OVERSAMPLING, side * _OVERSAMPLING)
-        panel = _panel(world, cloud, view)
+        panel = fix_panel(world, cloud, view)
         small = (view.width // _OVERSAMPLING, view.height // _OVERSAMPLING)
         image.paste(panel.resize(small, Image.Resampling.LANCZOS), (x, _HEADER))
         x += columns + _GAP
@@ -113,7 +113,7 @@ def _overview(world: World, cloud: FixCloud) -> BBox:
     return (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
 
 
-def _close_up(cloud: FixCloud) -> BBox:
+def close_up(cloud: FixCloud) -> BBox:
     """A square about the true place that holds the ellipse and most of the cloud."""
     extent = float(ellipse95(_position_covariance(cloud.predicted))[0])
     if len(cloud.errors):
@@ -127,7 +127,8 @@ def _position_covariance(covariance: FloatArray) -> FloatArray:
     return np.asarray(covariance[[0, 0, 1], [0, 1, 1]])
 
 
-def _panel(world: World, cloud: FixCloud, view: View) -> Image.Image:
+def fix_panel(world: World, cloud: FixCloud, view: View) -> Image.Image:
+    """A window of the world with robot, triplet, circles, cloud and ellipse, of the size of the view."""
     image = Image.new("RGB", (view.width, view.height), (255, 255, 255))
     # A view without offset: each panel is a picture of its own.
     view = View(view.bbox, 0, 0, view.width, view.height)
