@@ -24,6 +24,19 @@ class FieldTile:
     triplet: IntArray
     pan: FloatArray
     n_visible: IntArray
+    validity: npt.NDArray[np.float32]
+
+    @classmethod
+    def blank(cls, shape: tuple[int, int]) -> FieldTile:
+        """A window (h, w) without a fix."""
+        return cls(
+            np.full((*shape, 3), np.nan),
+            np.full(shape, np.nan),
+            np.full((*shape, 3), -1, dtype=np.int16),
+            np.full(shape, np.nan),
+            np.zeros(shape, dtype=np.int16),
+            np.full(shape, np.nan, dtype=np.float32),
+        )
 
 
 def tile_windows(shape: tuple[int, int], tile: int = TILE) -> list[tuple[slice, slice]]:
@@ -65,14 +78,7 @@ def compute_tile(
     criterion
         What is smallest for the best triplet.
     """
-    shape = free.shape
-    tile = FieldTile(
-        np.full((*shape, 3), np.nan),
-        np.full(shape, np.nan),
-        np.full((*shape, 3), -1, dtype=np.int16),
-        np.full(shape, np.nan),
-        np.zeros(shape, dtype=np.int16),
-    )
+    tile = FieldTile.blank((free.shape[0], free.shape[1]))
     sigma = world.landmarks.sigma
     field_tile(
         np.ascontiguousarray(centres),
@@ -87,5 +93,6 @@ def compute_tile(
         tile.triplet,
         tile.pan,
         tile.n_visible,
+        tile.validity,
     )
     return tile

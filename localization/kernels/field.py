@@ -25,6 +25,7 @@ from localization.kernels.fix import (
     triplet_fix,
     wrapped,
 )
+from localization.kernels.share import triplet_share
 from localization.kernels.spans import azimuth_key, ranked_by_span
 from localization.kernels.triplets import (
     is_degenerate,
@@ -199,12 +200,13 @@ def field_tile(
     out_triplet,
     out_pan,
     out_n_visible,
+    out_validity,
 ):
     """Best triplet and fix of every free cell of a tile.
 
     ``centres`` (h, w, 2) of the robot, ``free`` (h, w), ``masks`` (h, w, n_words) uint64, ``landmarks``
-    (N, 2), ``survey`` (N,) variances, m²; outputs (h, w, 3), (h, w), (h, w, 3), (h, w), (h, w) hold NaN, -1
-    and 0 before.
+    (N, 2), ``survey`` (N,) variances, m²; outputs (h, w, 3), (h, w), (h, w, 3), (h, w), (h, w), (h, w) hold
+    NaN, -1 and 0 before.
     """
     h, w = free.shape
     n_all = landmarks.shape[0]
@@ -330,3 +332,4 @@ def field_tile(
             out_triplet[row, col, 1] = i1
             out_triplet[row, col, 2] = i2
             out_pan[row, col] = pan
+            out_validity[row, col] = triplet_share(x, y, i0, i1, i2, pan, landmarks, survey, sensor)

@@ -124,6 +124,7 @@ def run_tile(centres, landmarks, sensor):
         np.full((*shape, 3), -1, dtype=np.int16),
         np.full(shape, np.nan),
         np.zeros(shape, dtype=np.int16),
+        np.full(shape, np.nan, dtype=np.float32),
     )
     positions = landmarks.copy()
     positions.flags.writeable = False

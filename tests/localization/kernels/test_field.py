@@ -39,6 +39,7 @@ def run(centres, free, visible, landmarks, sigmas, sensor, heading=0.0):
         np.full((*shape, 3), -1, dtype=np.int16),
         np.full(shape, np.nan),
         np.zeros(shape, dtype=np.int16),
+        np.full(shape, np.nan, dtype=np.float32),
     )
     survey = np.asarray(sigmas) ** 2
     args = (
@@ -69,7 +70,7 @@ def test_every_cell_is_the_ranking_at_its_place(rng, name, surveyed):
     sensor = SENSORS[name]
     heading = 0.7 if sensor.depends_on_heading else 0.0
     centres, free, visible, landmarks, sigmas = scene(rng, (5, 6), 14, surveyed=surveyed)
-    covariance, sigma_theta, triplet, pan, n_visible = run(
+    covariance, sigma_theta, triplet, pan, n_visible, validity = run(
         centres, free, visible, landmarks, sigmas, sensor, heading
     )
     args = kernel_args(sensor, heading)
@@ -91,7 +92,9 @@ def test_every_cell_is_the_ranking_at_its_place(rng, name, surveyed):
         assert n_visible[r, c] == len(seen)
         if not found:
             assert np.isnan(covariance[r, c]).all()
+            assert np.isnan(validity[r, c])
             continue
+        assert 0.0 <= validity[r, c] <= 1.0
         fixes += 1
         i, j, k = (int(t) for t in triplet[r, c])
         assert i < j < k
