@@ -596,3 +596,38 @@ def triangulated(bearings, three, tolerance=1e-6):
         abs(math.remainder(s - b, 2 * math.pi)) < tolerance for s, b in zip(seen, bearings, strict=True)
     )
     return (x, y, math.remainder(heading, 2 * math.pi)) if fits else None
+
+
+# --- coverage ---
+
+
+def share_inside(three, variances, axis, column_variance, normals):
+    """Share of simulated fixes in the 95 % ellipse, sensor at the origin; ``normals`` (n, 6) is the noise.
+
+    The columns' part of a variance goes onto ``tan ψ``, the rest onto the bearing. Position by ToTal; it counts
+    if the three landmarks are seen from there as measured.
+    """
+    three = np.asarray(three, float)
+    azimuth = np.arctan2(three[:, 1], three[:, 0])
+    psi = azimuth - axis
+    extra = np.asarray(variances) - column_variance * np.cos(psi) ** 4
+    bearings = azimuth + normals[:, :3] * np.sqrt(np.maximum(extra, 0))
+    if column_variance > 0:
+        seen = np.arctan(np.tan(psi) + math.sqrt(column_variance) * normals[:, 3:])
+        bearings = seen + axis + normals[:, :3] * np.sqrt(np.maximum(extra, 0))
+    a, b = bearings[:, 1] - bearings[:, 0], bearings[:, 2] - bearings[:, 1]
+    (x1, y1), (x3, y3) = three[0] - three[1], three[2] - three[1]
+    t12, t23 = 1 / np.tan(a), 1 / np.tan(b)
+    t31 = (1 - t12 * t23) / (t12 + t23)
+    x12, y12, x23, y23 = x1 + t12 * y1, y1 - t12 * x1, x3 - t23 * y3, y3 + t23 * x3
+    x31, y31 = (x3 + x1) + t31 * (y3 - y1), (y3 + y1) - t31 * (x3 - x1)
+    k31 = x1 * x3 + y1 * y3 + t31 * (x1 * y3 - x3 * y1)
+    d = (x12 - x23) * (y23 - y31) - (y12 - y23) * (x23 - x31)
+    place = three[1] + np.stack([k31 * (y12 - y23) / d, k31 * (x23 - x12) / d], axis=1)
+    ray = three - place[:, None]
+    again = np.arctan2(ray[..., 1], ray[..., 0])
+    off = again - bearings
+    off = np.angle(np.exp(1j * (off - off[:, :1])))
+    found = np.abs(off).max(axis=1) < 1e-6
+    precision = np.linalg.inv(mas97_covariance((0.0, 0.0), three, variances))
+    return float(np.mean(found & (np.einsum("ni,ij,nj->n", place, precision, place) <= -2 * math.log(0.05))))
