@@ -13,10 +13,7 @@ The tolerance is no distance between lattice corners, so that a shift by a micro
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +25,7 @@ from maps.kernels.grid_sweep import opaque_lines, sweep_landmark
 from maps.kernels.grid_visibility import BURIED, FAR, POCKET, make_pockets, see_points
 from maps.landmarks import LandmarkSet
 from maps.runs import RunArray, Runs
+from maps.sweeps import Tick, all_runs
 
 #: How far into a wall a landmark may stand, in cells.
 WALL_TOLERANCE_CELLS = 1.2
@@ -38,8 +36,6 @@ _LATTICE_LIMIT = 1 << 30
 _FINEST_SHIFT = 16
 # Unit of the facing forms: an angle is rounded to about 1e-9 rad.
 _FORM_SCALE = 1 << 30
-
-Tick = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,6 +89,63 @@ class _Side:
     along_m: FloatArray
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class GridSweep:
+    """Sweeps over one grid of cells, landmark by landmark: see :class:`maps.sweeps.Sweep`."""
+
+    shape: tuple[int, int]
+    _scene: _Scene
+    _level: _Side
+    _upright: _Side
+    _ranges2: tuple[float, float]
+
+    @classmethod
+    def of(
+        cls,
+        floor: OccupancyGrid,
+        landmarks: LandmarkSet,
+        frame: GridFrame,
+        *,
+        min_range: float = 0.0,
+        max_range: float = math.inf,
+    ) -> GridSweep:
+        """Made ready; parameters and errors as of :func:`grid_runs`."""
+        scene = _Scene.of(floor, landmarks)
+        cols_m, rows_m, cols, rows = _targets(scene, frame)
+        level = _Side(*_opaque_runs(floor.opaque), cols, rows, cols_m, rows_m)
+        upright = _Side(*_opaque_runs(frozen(floor.opaque.T, np.bool_)), rows, cols, rows_m, cols_m)
+        return cls(frame.shape, scene, level, upright, _squared_ranges(min_range, max_range))
+
+    @property
+    def n_landmarks(self) -> int:
+        """Number of landmarks."""
+        return len(self._scene.places)
+
+    def runs_of(self, i: int, first: int, stop: int) -> tuple[RunArray, RunArray]:
+        """Row runs of the sectors above and below landmark i and column runs of those left and right."""
+        scene = self._scene
+        rows_m = self._level.along_m
+        beside = max(rows_m[first] - scene.places_m[i, 1], scene.places_m[i, 1] - rows_m[stop - 1], 0.0)
+        if scene.states[i] == BURIED or beside * beside > self._ranges2[1]:
+            return (np.empty((0, 3), dtype=np.int32), np.empty((0, 3), dtype=np.int32))
+        (row, col), mode, (a1, b1, a2, b2) = scene.corner(i), scene.modes[i], scene.forms[i]
+        (x, y), (x_m, y_m) = scene.places[i], scene.places_m[i]
+        window, turned = scene.windows[i], np.ascontiguousarray(scene.windows[i].T)
+        part = slice(first, stop)
+        level = replace(self._level, along=self._level.along[part], along_m=rows_m[part])
+        upright = replace(self._upright, across=self._upright.across[part], across_m=rows_m[part])
+        level_pocket, upright_pocket = (window, row, col), (turned, col, row)
+        across = _sweep(
+            level, scene.shift, level_pocket, (x, y, x_m, y_m), self._ranges2, (mode, a1, b1, a2, b2), 0
+        )
+        along = _sweep(
+            upright, scene.shift, upright_pocket, (y, x, y_m, x_m), self._ranges2, (mode, b1, a1, b2, a2), 1
+        )
+        across[:, 0] += first
+        along[:, 1:] += first
+        return across, along
+
+
 def grid_runs(
     floor: OccupancyGrid,
     landmarks: LandmarkSet,
@@ -130,51 +183,8 @@ def grid_runs(
     InvalidGeometry
         If the frame is turned against the floor or far too large for its lattice.
     """
-    scene = _Scene.of(floor, landmarks)
-    cols_m, rows_m, cols, rows = _targets(scene, frame)
-    level = _Side(*_opaque_runs(floor.opaque), cols, rows, cols_m, rows_m)
-    upright = _Side(*_opaque_runs(frozen(floor.opaque.T, np.bool_)), rows, cols, rows_m, cols_m)
-    low2, high2 = _squared_ranges(min_range, max_range)
-
-    def sweep(i: int) -> tuple[RunArray, RunArray]:
-        if scene.states[i] == BURIED:
-            return (np.empty((0, 3), dtype=np.int32), np.empty((0, 3), dtype=np.int32))
-        (row, col), mode, (a1, b1, a2, b2) = scene.corner(i), scene.modes[i], scene.forms[i]
-        (x, y), (x_m, y_m) = scene.places[i], scene.places_m[i]
-        window, turned = scene.windows[i], np.ascontiguousarray(scene.windows[i].T)
-        return (
-            _sweep(
-                level,
-                scene.shift,
-                (window, row, col),
-                (x, y, x_m, y_m),
-                (low2, high2),
-                (mode, a1, b1, a2, b2),
-                0,
-            ),
-            _sweep(
-                upright,
-                scene.shift,
-                (turned, col, row),
-                (y, x, y_m, x_m),
-                (low2, high2),
-                (mode, b1, a1, b2, a2),
-                1,
-            ),
-        )
-
-    row_runs, col_runs = [], []
-    pool = ThreadPoolExecutor(max_workers=threads or os.cpu_count() or 1)
-    try:
-        for done, (across, along) in enumerate(pool.map(sweep, range(len(landmarks))), 1):
-            row_runs.append(across)
-            col_runs.append(along)
-            if tick is not None:
-                tick(done, len(landmarks))
-    finally:
-        # A tick may raise to stop the work.
-        pool.shutdown(cancel_futures=True)
-    return Runs.from_lists(frame.shape, row_runs, col_runs)
+    sweep = GridSweep.of(floor, landmarks, frame, min_range=min_range, max_range=max_range)
+    return all_runs(sweep, threads=threads, tick=tick)
 
 
 def grid_visible(

@@ -130,10 +130,13 @@ class Runs:
 
 
 def _joined(parts: Sequence[RunArray]) -> tuple[RunArray, npt.NDArray[np.int64]]:
-    pieces = [np.asarray(p, dtype=np.int32).reshape(-1, 3) for p in parts]
-    offsets = np.concatenate([[0], np.cumsum([len(p) for p in pieces], dtype=np.int64)]).astype(np.int64)
-    in_order = [p[np.argsort(p[:, 0], kind="stable")] for p in pieces]
-    return np.concatenate([np.empty((0, 3), dtype=np.int32), *in_order]), offsets
+    offsets = np.concatenate([[0], np.cumsum([len(p) for p in parts], dtype=np.int64)]).astype(np.int64)
+    out = np.empty((int(offsets[-1]), 3), dtype=np.int32)
+    for part, start, stop in zip(parts, offsets[:-1], offsets[1:], strict=True):
+        piece = np.asarray(part, dtype=np.int32).reshape(-1, 3)
+        out[start:stop] = piece[np.argsort(piece[:, 0], kind="stable")]
+    out.flags.writeable = False  # handed over without a copy
+    return out, offsets
 
 
 def _check(what: str, runs: RunArray, offsets: npt.NDArray[np.int64], n: int, size: tuple[int, int]) -> None:

@@ -13,9 +13,6 @@ where it was surveyed.
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -30,6 +27,7 @@ from maps.kernels.vector_scan import scan_landmark
 from maps.kernels.vector_visibility import see_points, stand_clear
 from maps.landmarks import LandmarkSet
 from maps.runs import RunArray, Runs
+from maps.sweeps import Tick, all_runs
 
 #: How deep in a wall a landmark may stand, m.
 WALL_TOLERANCE_M = 0.1
@@ -42,8 +40,6 @@ _CLEAR_UNITS = 8.0
 # Unit of the directions that bound a viewing cone, and how much wider it is made so that its rim stays in.
 _CONE_SCALE = 1 << 30
 _CONE_SLACK_RAD = 2e-9
-
-Tick = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,6 +85,80 @@ class _Scene:
         return cls(lattice, places, landmarks.positions, hidden, cones, spans)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class VectorSweep:
+    """Sweeps over one grid of cells, landmark by landmark: see :class:`maps.sweeps.Sweep`."""
+
+    shape: tuple[int, int]
+    _scene: _Scene
+    _grid: FloatArray  # (5,), as the kernel takes it
+    _unit: FloatArray  # (3,)
+    _ranges: tuple[float, float]  # m
+
+    @classmethod
+    def of(
+        cls,
+        plan: FloorPlan,
+        landmarks: LandmarkSet,
+        frame: GridFrame,
+        *,
+        min_range: float = 0.0,
+        max_range: float = math.inf,
+    ) -> VectorSweep:
+        """Made ready; parameters as of :func:`vector_runs`, ``min_range`` in m, inclusive."""
+        scene = _Scene.of(plan, landmarks)
+        grid = [frame.origin_x, frame.origin_y, math.cos(frame.yaw), math.sin(frame.yaw), frame.resolution]
+        unit = np.array([*scene.lattice.corner, scene.lattice.per_metre])
+        return cls(frame.shape, scene, np.array(grid), unit, (float(min_range), float(max_range)))
+
+    @property
+    def n_landmarks(self) -> int:
+        """Number of landmarks."""
+        return len(self._scene.places)
+
+    def runs_of(self, i: int, first: int, stop: int) -> tuple[RunArray, RunArray]:
+        """Row runs of landmark i, and no column runs."""
+        scene, none = self._scene, np.empty((0, 3), dtype=np.int32)
+        if scene.hidden[i]:
+            return none, none
+        (x, y), (x_m, y_m) = scene.places[i], scene.places_m[i]
+        low, high = self._ranges
+        runs: RunArray = scan_landmark(
+            scene.lattice.edges,
+            scene.lattice.extent,
+            x,
+            y,
+            scene.cones[i],
+            scene.spans[i],
+            x_m,
+            y_m,
+            high,
+            (high + RANGE_TOLERANCE_M) ** 2,
+            self._grid,
+            self._unit,
+            first,
+            stop,
+            self.shape[1],
+        )
+        return (runs if low == 0.0 else self._without_disc(runs, i)), none
+
+    def _without_disc(self, runs: RunArray, i: int) -> RunArray:
+        """Runs without the cells whose centres are nearer to landmark i than the smallest range."""
+        x0, y0, c, s, resolution = self._grid
+        dx, dy = self._scene.places_m[i] - (x0, y0)
+        col, row = (c * dx + s * dy) / resolution - 0.5, (c * dy - s * dx) / resolution - 0.5
+        reach = (self._ranges[0] - RANGE_TOLERANCE_M) / resolution
+        half = np.sqrt(np.maximum(reach**2 - (runs[:, 0] - row) ** 2, 0.0))
+        # Strictly inside the disc: first … last.
+        first, last = np.floor(col - half) + 1, np.ceil(col + half) - 1
+        outside = (half == 0.0) | (first > last)
+        before, after = runs.copy(), runs[~outside]
+        before[~outside, 2] = np.minimum(runs[~outside, 2], first[~outside])
+        after[:, 1] = np.maximum(after[:, 1], last[~outside] + 1)
+        kept = np.concatenate([before, after])
+        return np.asarray(kept[kept[:, 1] < kept[:, 2]])
+
+
 def vector_runs(
     plan: FloorPlan,
     landmarks: LandmarkSet,
@@ -120,47 +190,7 @@ def vector_runs(
     runs
         Row runs only.
     """
-    scene = _Scene.of(plan, landmarks)
-    lattice = scene.lattice
-    grid = np.array(
-        [frame.origin_x, frame.origin_y, math.cos(frame.yaw), math.sin(frame.yaw), frame.resolution]
-    )
-    unit = np.array([*lattice.corner, lattice.per_metre])
-    high2 = (max_range + RANGE_TOLERANCE_M) ** 2
-
-    def scan(i: int) -> RunArray:
-        if scene.hidden[i]:
-            return np.empty((0, 3), dtype=np.int32)
-        (x, y), (x_m, y_m) = scene.places[i], scene.places_m[i]
-        runs: RunArray = scan_landmark(
-            lattice.edges,
-            lattice.extent,
-            x,
-            y,
-            scene.cones[i],
-            scene.spans[i],
-            x_m,
-            y_m,
-            float(max_range),
-            high2,
-            grid,
-            unit,
-            frame.n_rows,
-            frame.n_cols,
-        )
-        return runs
-
-    row_runs = []
-    pool = ThreadPoolExecutor(max_workers=threads or os.cpu_count() or 1)
-    try:
-        for done, runs in enumerate(pool.map(scan, range(len(landmarks))), 1):
-            row_runs.append(runs)
-            if tick is not None:
-                tick(done, len(landmarks))
-    finally:
-        # A tick may raise to stop the work.
-        pool.shutdown(cancel_futures=True)
-    return Runs.from_lists(frame.shape, row_runs)
+    return all_runs(VectorSweep.of(plan, landmarks, frame, max_range=max_range), threads=threads, tick=tick)
 
 
 def vector_visible(

@@ -18,12 +18,12 @@ import numpy.typing as npt
 from maps.arrays import BoolArray
 from maps.errors import InvalidGeometry
 from maps.grid import MAX_COORDINATE_M, GridFrame, OccupancyGrid
-from maps.grid_visibility import RANGE_TOLERANCE_M, grid_runs, grid_visible
+from maps.grid_visibility import GridSweep, grid_visible
 from maps.grid_visibility import buried_landmarks as buried_on_grid
-from maps.landmarks import LandmarkSet
-from maps.runs import MaskArray, RunArray, Runs
+from maps.runs import MaskArray, Runs
+from maps.sweeps import MAX_RUN_BYTES, BandedRuns, Sweep, bounded_runs
+from maps.vector_visibility import RANGE_TOLERANCE_M, VectorSweep, vector_visible
 from maps.vector_visibility import buried_landmarks as buried_in_plan
-from maps.vector_visibility import vector_runs, vector_visible
 from maps.world import World
 
 
@@ -37,9 +37,9 @@ class VisibilityMap:
         Cells per landmark.
     """
 
-    runs: Runs
+    runs: Runs | BandedRuns
 
-    def __reduce__(self) -> tuple[type[VisibilityMap], tuple[Runs]]:
+    def __reduce__(self) -> tuple[type[VisibilityMap], tuple[Runs | BandedRuns]]:
         return (VisibilityMap, (self.runs,))
 
     @property
@@ -84,6 +84,7 @@ def compute_visibility(
     offset: tuple[float, float] = (0.0, 0.0),
     threads: int | None = None,
     tick: Callable[[int, int], None] | None = None,
+    max_run_bytes: int = MAX_RUN_BYTES,
 ) -> VisibilityMap:
     """Visibility of all landmarks of a world from all cells of a grid.
 
@@ -102,6 +103,9 @@ def compute_visibility(
         Default: one per core. The result does not depend on it.
     tick
         Called with (landmarks done, N) as the work goes on, from the calling thread; it may raise to stop.
+    max_run_bytes
+        What runs may take. More of them are made band by band, when masks are asked for: slower, and the same
+        masks.
 
     Raises
     ------
@@ -111,21 +115,12 @@ def compute_visibility(
     _check_ranges(min_range, max_range)
     frame = _moved(frame, offset)
     floor, landmarks = world.floor, world.landmarks
+    sweep: Sweep
     if isinstance(floor, OccupancyGrid):
-        runs = grid_runs(
-            floor,
-            landmarks,
-            frame,
-            min_range=min_range,
-            max_range=max_range,
-            threads=threads,
-            tick=tick,
-        )
+        sweep = GridSweep.of(floor, landmarks, frame, min_range=min_range, max_range=max_range)
     else:
-        runs = vector_runs(floor, landmarks, frame, max_range=max_range, threads=threads, tick=tick)
-        if min_range > 0:
-            runs = _without_discs(runs, landmarks, frame, min_range)
-    return VisibilityMap(runs)
+        sweep = VectorSweep.of(floor, landmarks, frame, min_range=min_range, max_range=max_range)
+    return VisibilityMap(bounded_runs(sweep, limit=max_run_bytes, threads=threads, tick=tick))
 
 
 def visible_landmarks(
@@ -192,26 +187,3 @@ def _moved(frame: GridFrame, offset: tuple[float, float]) -> GridFrame:
     if not (abs(x) <= MAX_COORDINATE_M and abs(y) <= MAX_COORDINATE_M):
         raise InvalidGeometry(f"The offset is ({x}, {y}) m; both must be finite.")
     return replace(frame, origin_x=frame.origin_x + x, origin_y=frame.origin_y + y)
-
-
-def _without_discs(runs: Runs, landmarks: LandmarkSet, frame: GridFrame, radius: float) -> Runs:
-    """Runs without the cells whose centres are nearer to their landmark than a radius, m."""
-    centres = frame.to_grid(landmarks.positions) - 0.5
-    reach = (radius - RANGE_TOLERANCE_M) / frame.resolution
-    pieces: list[list[RunArray]] = [[], []]
-    for axis, (array, offsets) in enumerate(
-        ((runs.row_runs, runs.row_offsets), (runs.col_runs, runs.col_offsets))
-    ):
-        for i, (col, row) in enumerate(centres):
-            part = array[offsets[i] : offsets[i + 1]]
-            along, across = (col, row) if axis == 0 else (row, col)
-            half = np.sqrt(np.maximum(reach**2 - (part[:, 0] - across) ** 2, 0.0))
-            # Strictly inside the disc: first … last.
-            first, last = np.floor(along - half) + 1, np.ceil(along + half) - 1
-            outside = (half == 0.0) | (first > last)
-            before, after = part.copy(), part[~outside]
-            before[~outside, 2] = np.minimum(part[~outside, 2], first[~outside])
-            after[:, 1] = np.maximum(after[:, 1], last[~outside] + 1)
-            kept = np.concatenate([before, after])
-            pieces[axis].append(kept[kept[:, 1] < kept[:, 2]])
-    return Runs.from_lists(runs.shape, pieces[0], pieces[1])

@@ -40,14 +40,14 @@ def _at_least(offset, step, level, low, high):
 
 
 @njit(cache=True, nogil=True)
-def _row_limits(frame, lattice, extent, mx, my, high2, n_rows, n_cols, low, high):
-    """Columns low … high (n_rows,) within range of (mx, my) m and over the plan; first and last row."""
+def _row_limits(frame, lattice, extent, mx, my, high2, row0, n_rows, n_cols, low, high):
+    """Columns low … high (n_rows,) within range and on the plan, from row0 on; first and last row with any."""
     first = n_rows
     last = -1
     step_x = frame[2] * frame[4]
     step_y = frame[3] * frame[4]
     slack = 2.0 / lattice[2]
-    for row in range(n_rows):
+    for row in range(row0, n_rows):
         bx, by = cell_centre(frame, row, 0)
         a, b = _at_least(bx - lattice[0] + slack, step_x, 0.0, 0.0, n_cols - 1.0)
         a, b = _at_least(lattice[0] + extent[0] / lattice[2] + slack - bx, -step_x, 0.0, a, b)
@@ -201,15 +201,16 @@ def _clear_own_place(frame, mx, my, first, mask):
 
 @njit(cache=True, nogil=True)
 def scan_landmark(
-    edges, extent, lx, ly, cone, span, mx, my, max_range, high2, frame, lattice, n_rows, n_cols
+    edges, extent, lx, ly, cone, span, mx, my, max_range, high2, frame, lattice, row0, n_rows, n_cols
 ):
     """Runs (K, 3) int32 of the cells that see the landmark at lattice place (lx, ly), surveyed at (mx, my) m.
 
-    ``edges`` (M, 4) and ``extent`` (2,), the plan's size, on the lattice; ``cone`` (4,) start and end.
+    ``edges`` (M, 4) and ``extent`` (2,), the plan's size, on the lattice; ``cone`` (4,) start and end. The
+    rows are row0 … n_rows - 1.
     """
     low = np.empty(n_rows, dtype=np.int64)
     high = np.empty(n_rows, dtype=np.int64)
-    first, last = _row_limits(frame, lattice, extent, mx, my, high2, n_rows, n_cols, low, high)
+    first, last = _row_limits(frame, lattice, extent, mx, my, high2, row0, n_rows, n_cols, low, high)
     if first > last:
         return np.empty((0, 3), dtype=np.int32)
     near = np.empty((edges.shape[0] + 4, 4), dtype=np.int64)

@@ -59,7 +59,7 @@ def scanned(edges, landmark, cone=ALL_AROUND, span=TURN, max_range=math.inf):
     n = SIDE + 1
     x, y = landmark
     runs = scan_landmark(
-        edges, extent, x, y, cone, span, float(x), float(y), max_range, high2, frame, unit, n, n
+        edges, extent, x, y, cone, span, float(x), float(y), max_range, high2, frame, unit, 0, n, n
     )
     out = np.zeros((n, n), dtype=int)
     for row, first, stop in runs:
