@@ -9,7 +9,9 @@ from typer.exceptions import TyperException
 
 from api.cli_common import EXIT_MISTAKE
 from api.cli_field import field, heatmap
+from api.cli_fixes import fixes
 from api.cli_plan import plan
+from api.cli_reproduce import reproduce_app
 from api.cli_serve import demo, serve
 from api.cli_validate import validate
 from api.cli_world import world_app
@@ -29,12 +31,15 @@ app = typer.Typer(
         "  surepath heatmap warehouse.zarr -o heatmap.png\n\n"
         "  surepath plan warehouse.zarr --start 6.2 18 --goal 54 17 --radius 0.35 -o plan.json\n\n"
         "Exit codes: 0 done, 1 wrong input, 2 service problem, "
-        "3 a plan that misses its bound or finds no way."
+        "3 a plan that misses its bound or finds no way, a claim that does not hold."
     ),
 )
 app.add_typer(world_app, name="world")
 for command in (field, heatmap, plan, serve, demo, validate):
     app.command()(command)
+# Negative coordinates look like options.
+app.command(context_settings={"ignore_unknown_options": True})(fixes)
+app.add_typer(reproduce_app, name="reproduce")
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -95,3 +95,17 @@ def write_file(path: Path, data: bytes) -> None:
     except OSError as error:
         temporary.unlink(missing_ok=True)
         raise MapFormatError(f"Could not write '{path}': {error.strerror or error}.") from error
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder with its parents; it may be there already.
+
+    Raises
+    ------
+    MapFormatError
+        If it cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise MapFormatError(f"Could not make the folder '{path}': {error.strerror or error}.") from error

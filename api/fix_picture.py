@@ -53,7 +53,7 @@ def fix_png(world: World, cloud: FixCloud, *, width: int = 1500, title: str = ""
     """
     if width < _MIN_WIDTH:
         raise InvalidPicture(f"Width is {width} px; two panels need at least {_MIN_WIDTH} px.")
-    left, right = _overview(world, cloud), close_up(cloud)
+    left, right = _overview(world, cloud), _close_up(cloud)
     aspect = (left[2] - left[0]) / (left[3] - left[1])
     side = max(16, int((width - 3 * _GAP) / (aspect + 1)))
     height = side + _HEADER + _FOOTER
@@ -113,7 +113,7 @@ def _overview(world: World, cloud: FixCloud) -> BBox:
     return (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
 
 
-def close_up(cloud: FixCloud) -> BBox:
+def _close_up(cloud: FixCloud) -> BBox:
     """A square about the true place that holds the ellipse and most of the cloud."""
     extent = float(ellipse95(_position_covariance(cloud.predicted))[0])
     if len(cloud.errors):
