@@ -41,7 +41,7 @@ def _at_least(offset, step, level, low, high):
 
 @njit(cache=True, nogil=True)
 def _row_limits(frame, lattice, extent, mx, my, high2, row0, n_rows, n_cols, low, high):
-    """Columns low … high (n_rows,) within range and on the plan, from row0 on; first and last row with any."""
+    """Columns low … high (n_rows,) within range and on the plan, from row0 on; first and last such row."""
     first = n_rows
     last = -1
     step_x = frame[2] * frame[4]
