@@ -6,22 +6,25 @@ import math
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
 import shapely
 
-from localization.errors import Cancelled, FieldTooLarge
+from localization.errors import Cancelled, FieldTooLarge, LocalizationError
+from localization.heading_field import HeadingField, heading_bins
+from localization.method import BEST_AREA, FieldMethod
 from localization.sensors import LASER, Sensor
 from localization.tiles import FieldTile, compute_tile, tile_windows
 from localization.triplets import rank_triplets
-from localization.uncertainty_field import UncertaintyField
+from localization.uncertainty_field import LAYERS, UncertaintyField
 from maps.arrays import BoolArray, FloatArray
 from maps.floor_plan import FloorPlan
 from maps.grid import GridFrame, OccupancyGrid
 from maps.landmarks import LandmarkSet
 from maps.se2 import wrap
-from maps.visibility import compute_visibility
+from maps.visibility import VisibilityMap, compute_visibility
 from maps.world import World
 
 #: A field takes about 50 bytes per cell.
@@ -34,6 +37,7 @@ def build_field(
     *,
     resolution: float = 0.1,
     heading: float = 0.0,
+    method: FieldMethod = BEST_AREA,
     threads: int | None = None,
     progress: Callable[[int, int], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
@@ -42,7 +46,8 @@ def build_field(
     """Uncertainty field of a world under a sensor.
 
     For every cell whose centre is free: the landmark triplet, among all visible ones that the sensor can
-    see together, whose fix has the smallest 95 % ellipse, exactly; its covariance, heading sigma and pan.
+    see together, whose fix is best, exactly (or all landmarks in view together); its covariance, heading
+    sigma, pan and validity.
 
     Parameters
     ----------
@@ -51,7 +56,9 @@ def build_field(
     resolution
         Side of a cell, m.
     heading
-        Heading of the robot, rad; matters only to a pan head with limits.
+        Heading of the robot, rad; matters only to sensors that depend on it.
+    method
+        Estimator and criterion; by default the triplet with the smallest 95 % ellipse.
     threads
         Default: one per core. The result does not depend on it.
     progress
@@ -74,52 +81,106 @@ def build_field(
 
     Notes
     -----
-    A landmark within a millimetre of a cell's centre has no bearing there and does not count.
+    A landmark within a millimetre of the sensor has no bearing there and does not count.
     """
     world.require_triangulation()
     frame = _checked_frame(world, resolution, max_cells)
-    heading = float(wrap(heading)) if sensor.depends_on_heading else 0.0
-    workers = max(1, threads or os.cpu_count() or 1)
+    turned = float(wrap(heading)) if sensor.depends_on_heading else 0.0
+    return _built(world, sensor, frame, [turned], method, _Run(threads, progress, cancelled))[0]
+
+
+def build_heading_field(
+    world: World,
+    sensor: Sensor,
+    *,
+    resolution: float = 0.1,
+    headings: int = 36,
+    method: FieldMethod = BEST_AREA,
+    threads: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    cancelled: Callable[[], bool] | None = None,
+    max_cells: int = MAX_CELLS_DEFAULT,
+) -> HeadingField:
+    """Uncertainty field over (x, y, heading) of a sensor that depends on the heading.
+
+    Parameters
+    ----------
+    world, sensor, resolution, method, threads, progress, cancelled, max_cells
+        As for :func:`build_field`; the limit is for cells times headings.
+    headings
+        Number of evenly spaced headings, the first 0 rad.
+
+    Raises
+    ------
+    LocalizationError
+        If the sensor does not depend on the heading, or the number is out of range.
+    TooFewLandmarks, FieldTooLarge, InvalidGeometry, Cancelled
+        As for :func:`build_field`.
+    """
+    world.require_triangulation()
+    bins = heading_bins(headings)
+    if not sensor.depends_on_heading:
+        raise LocalizationError(
+            f"This sensor ('{sensor.kind}') sees the same at every heading; build a field without headings."
+        )
+    frame = _checked_frame(world, resolution, max_cells // headings)
+    turned = [float(h) for h in bins]
+    return HeadingField(
+        tuple(_built(world, sensor, frame, turned, method, _Run(threads, progress, cancelled)))
+    )
+
+
+def _built(
+    world: World, sensor: Sensor, frame: GridFrame, headings: list[float], method: FieldMethod, run: _Run
+) -> list[UncertaintyField]:
+    """One field per heading; what does not depend on the heading is computed once."""
     windows = tile_windows(frame.shape)
     n_landmarks = len(world.landmarks)
-    steps = _Steps(n_landmarks + len(windows), progress, cancelled)
-
+    # A sensor off the robot's centre is elsewhere at every heading and sees other landmarks.
+    groups = [[h] for h in headings] if sensor.mount.lever > 0 else [headings]
+    steps = _Steps(n_landmarks * len(groups) + len(windows) * len(headings), run.progress, run.cancelled)
     steps.advance(0)
-    visibility = compute_visibility(
-        world,
-        frame,
-        min_range=sensor.min_range,
-        max_range=sensor.max_range,
-        threads=workers,
-        tick=lambda done, _: steps.advance(done),
-    )
-    steps.advance(n_landmarks)
-
-    shape = frame.shape
-    free = np.zeros(shape, dtype=np.bool_)
-    out = FieldTile(
-        np.empty((*shape, 3)),
-        np.empty(shape),
-        np.empty((*shape, 3), dtype=np.int16),
-        np.empty(shape),
-        np.empty(shape, dtype=np.int16),
-    )
     is_free = _free_lookup(world, frame)
+    free = np.zeros(frame.shape, dtype=np.bool_)
+    tiles = {h: FieldTile.blank(frame.shape) for h in headings}
+    with ThreadPoolExecutor(run.workers) as pool:
+        for group in groups:
+            begun = steps.done
+            visibility = compute_visibility(
+                world,
+                frame,
+                min_range=sensor.min_range,
+                max_range=sensor.max_range,
+                offset=sensor.mount.offset(group[0]),
+                threads=run.workers,
+                tick=lambda n, _, begun=begun: steps.advance(begun + n),  # type: ignore[misc]
+            )
+            begun += n_landmarks
+            steps.advance(begun)
 
-    def work(window: tuple[slice, slice]) -> None:
-        centres = frame.centres(*window)
-        free[window] = is_free(window, centres)
-        tile = compute_tile(world, sensor, centres, free[window], visibility.masks(*window), heading=heading)
-        for name in ("covariance", "sigma_theta", "triplet", "pan", "n_visible"):
-            getattr(out, name)[window] = getattr(tile, name)
+            def work(
+                window: tuple[slice, slice], group: list[float] = group, seen: VisibilityMap = visibility
+            ) -> None:
+                centres = frame.centres(*window)
+                free[window] = is_free(window, centres)
+                masks = seen.masks(*window)
+                for heading in group:
+                    tile = compute_tile(
+                        world, sensor, centres, free[window], masks, heading=heading, method=method
+                    )
+                    for name in LAYERS:
+                        getattr(tiles[heading], name)[window] = getattr(tile, name)
 
-    with ThreadPoolExecutor(workers) as pool:
-        for done in _in_turn(pool, work, windows, workers):
-            steps.advance(n_landmarks + done)
-    arrays = (free, out.covariance, out.sigma_theta, out.triplet, out.pan, out.n_visible)
-    for array in arrays:
-        array.flags.writeable = False  # handed over without a copy
-    return UncertaintyField(world, sensor, frame, heading, *arrays)
+            for finished in _in_turn(pool, work, windows, run.workers):
+                steps.advance(begun + finished * len(group))
+    free.flags.writeable = False  # handed over without a copy
+    fields = []
+    for heading in headings:
+        layers = {name: getattr(tiles[heading], name) for name in LAYERS}
+        for array in layers.values():
+            array.flags.writeable = False
+        fields.append(UncertaintyField(world, sensor, frame, heading, free, **layers, method=method))
+    return fields
 
 
 def warm_up() -> None:
@@ -135,6 +196,19 @@ def warm_up() -> None:
         rank_triplets(world, LASER, (1.25, 1.25))
 
 
+@dataclass(frozen=True, slots=True)
+class _Run:
+    """How to work: threads, whom to tell, whom to ask."""
+
+    threads: int | None
+    progress: Callable[[int, int], None] | None
+    cancelled: Callable[[], bool] | None
+
+    @property
+    def workers(self) -> int:
+        return max(1, self.threads or os.cpu_count() or 1)
+
+
 class _Steps:
     """Progress that only rises, and the question whether to go on."""
 
@@ -147,13 +221,13 @@ class _Steps:
         self._total = total
         self._progress = progress
         self._cancelled = cancelled
-        self._done = -1
+        self.done = -1
 
     def advance(self, done: int) -> None:
         if self._cancelled is not None and self._cancelled():
-            raise Cancelled(f"The field was cancelled after {max(self._done, 0)} of {self._total} steps.")
-        if done > self._done:
-            self._done = done
+            raise Cancelled(f"The field was cancelled after {max(self.done, 0)} of {self._total} steps.")
+        if done > self.done:
+            self.done = done
             if self._progress is not None:
                 self._progress(done, self._total)
 

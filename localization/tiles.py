@@ -1,4 +1,4 @@
-"""Windows of cells: best triplet and fix at every free place of one."""
+"""Windows of cells: the fix at every free place of one."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from localization.kernels.all_visible import all_visible_tile
 from localization.kernels.field import field_tile
-from localization.sensors import Criterion, Sensor, kernel_args
+from localization.method import BEST_AREA, FieldMethod
+from localization.sensors import Sensor, kernel_args
 from maps.arrays import BoolArray, FloatArray, IntArray
 from maps.world import World
 
@@ -56,11 +58,11 @@ def compute_tile(
     masks: npt.NDArray[np.uint64],
     *,
     heading: float = 0.0,
-    criterion: Criterion = "area",
+    method: FieldMethod = BEST_AREA,
 ) -> FieldTile:
-    """Best triplet and fix at every free point of a window.
+    """The fix at every free point of a window, by the best triplet or by all landmarks in view.
 
-    The result of a cell depends on nothing but its own position, mask, world, sensor and heading.
+    The result of a cell depends on nothing but its own position, mask, world, sensor, heading and method.
 
     Parameters
     ----------
@@ -75,19 +77,31 @@ def compute_tile(
         where the sensor is when the robot's centre is there.
     heading
         Of the robot, rad.
-    criterion
-        What is smallest for the best triplet.
+    method
+        Estimator and criterion. For ``all_visible`` triplets stay -1 and validity NaN.
     """
     tile = FieldTile.blank((free.shape[0], free.shape[1]))
     sigma = world.landmarks.sigma
+    places = (np.ascontiguousarray(centres), np.ascontiguousarray(free), np.ascontiguousarray(masks))
+    args = kernel_args(sensor, heading, method.criterion)
+    if method.estimator == "all_visible":
+        all_visible_tile(
+            *places,
+            world.landmarks.positions,
+            sigma**2,
+            args,
+            tile.covariance,
+            tile.sigma_theta,
+            tile.pan,
+            tile.n_visible,
+        )
+        return tile
     field_tile(
-        np.ascontiguousarray(centres),
-        np.ascontiguousarray(free),
-        np.ascontiguousarray(masks),
+        *places,
         world.landmarks.positions,
         sigma**2,
         bool(np.any(sigma > 0)),
-        kernel_args(sensor, heading, criterion),
+        args,
         tile.covariance,
         tile.sigma_theta,
         tile.triplet,

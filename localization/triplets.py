@@ -12,6 +12,7 @@ from localization import covariance as cov
 from localization.errors import LocalizationError
 from localization.kernels.field import in_view, ranked_at
 from localization.kernels.fix import triplet_fix
+from localization.method import FieldMethod
 from localization.sensors import Criterion, Sensor, kernel_args
 from localization.tiles import compute_tile
 from maps.arrays import FloatArray, frozen
@@ -104,7 +105,8 @@ def best_triplet(
     free = np.array([[bool(world.floor.free_at(place))]])
     masks = pack_masks(seen[None, :])[None, :, :]
     centre = place.reshape(1, 1, 2)
-    tile = compute_tile(world, sensor, centre, free, masks, heading=float(wrap(heading)), criterion=criterion)
+    method = FieldMethod(criterion=criterion)
+    tile = compute_tile(world, sensor, centre, free, masks, heading=float(wrap(heading)), method=method)
     if tile.triplet[0, 0, 0] < 0:
         return None
     i, j, k = (int(t) for t in tile.triplet[0, 0])

@@ -6,16 +6,19 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 
 import numpy as np
+import numpy.typing as npt
 
 from localization import covariance as cov
 from localization.errors import LocalizationError
+from localization.kernels.coverage import NOMINAL_SHARE, VALID_TOLERANCE
+from localization.method import BEST_AREA, FieldMethod
 from localization.sensors import Sensor, sensor_hash
 from maps.arrays import BoolArray, FloatArray, IntArray, digest, frozen
 from maps.grid import GridFrame
 from maps.world import World
 
 #: Changes when the same world, sensor and parameters would give other numbers or another layout.
-FIELD_FORMAT = 1
+FIELD_FORMAT = 2
 
 METRICS: dict[str, tuple[str, str]] = {
     "area95_m2": ("m²", "area of the 95 % ellipse of the best triplet"),
@@ -25,7 +28,11 @@ METRICS: dict[str, tuple[str, str]] = {
     "sigma_rms_m": ("m", "root of the mean of the two position variances"),
     "sigma_theta_rad": ("rad", "standard deviation of the heading"),
     "n_visible": ("", "landmarks in view"),
+    "validity": ("", "predicted share of fixes inside the 95 % ellipse"),
 }
+
+#: The arrays of a field that say how good a fix is, beside ``free``.
+LAYERS = ("covariance", "sigma_theta", "triplet", "pan", "n_visible", "validity")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,20 +46,30 @@ class UncertaintyField:
     frame
         Cells; ``shape = (n_rows, n_cols)``, row 0 is the lowest y of the frame.
     heading
-        Heading of the robot, rad, for which pan limits were applied (0 and irrelevant for sensors that
-        do not depend on it).
+        Heading of the robot, rad, for which the field holds (0 and irrelevant for sensors that do not depend
+        on it, and where headings were reduced).
     free
         Shape (ny, nx), bool: the cell's centre lies in free space. Other cells hold NaN, -1 and 0.
     covariance
-        Shape (ny, nx, 3): xx, xy, yy in W, m²; NaN where there is no fix.
+        Shape (ny, nx, 3): xx, xy, yy of the robot's centre in W, m²; NaN where there is no fix.
     sigma_theta
-        Shape (ny, nx), rad: standard deviation of the heading (of the optical axis for a pan head).
+        Shape (ny, nx), rad: standard deviation of the heading.
     triplet
-        Shape (ny, nx, 3), int16: ascending indices into ``world.landmarks``; -1 where there is no fix.
+        Shape (ny, nx, 3), int16: ascending indices into ``world.landmarks``; -1 where there is no fix, and
+        for every landmark in view together (``all_visible``).
     pan
-        Shape (ny, nx), rad: optical axis relative to the heading; NaN without a fix or a pan head.
+        Shape (ny, nx), rad: optical axis relative to the pan head's zero; NaN without a fix or a pan head.
     n_visible
-        Shape (ny, nx), int16: landmarks in range, facing and line of sight.
+        Shape (ny, nx), int16: landmarks that can be measured: in range, facing, line of sight, not in a muted
+        sector, within a fixed camera's view.
+    validity
+        Shape (ny, nx), float32: predicted share of fixes inside the 95 % ellipse, 0.95 where first order
+        holds; NaN where there is no fix or it is not known (``all_visible``).
+    method
+        Estimator and criterion.
+    reduction
+        ``best`` or ``worst`` heading of several, see :class:`localization.heading_field.HeadingField`;
+        empty for a single one.
     """
 
     world: World
@@ -65,6 +82,9 @@ class UncertaintyField:
     triplet: IntArray
     pan: FloatArray
     n_visible: IntArray
+    validity: npt.NDArray[np.float32]
+    method: FieldMethod = BEST_AREA
+    reduction: str = ""
 
     def __post_init__(self) -> None:
         shape = self.frame.shape
@@ -75,6 +95,7 @@ class UncertaintyField:
             "triplet": (np.int16, (*shape, 3)),
             "pan": (np.float64, shape),
             "n_visible": (np.int16, shape),
+            "validity": (np.float32, shape),
         }
         for name, (dtype, want) in expected.items():
             array = frozen(getattr(self, name), dtype)
@@ -84,8 +105,17 @@ class UncertaintyField:
 
     @property
     def has_fix(self) -> BoolArray:
-        """Shape (ny, nx): whether a triplet is visible."""
-        return np.asarray(self.triplet[..., 0] >= 0)
+        """Shape (ny, nx): whether there is a fix."""
+        return np.isfinite(self.covariance[..., 0])
+
+    @property
+    def is_valid(self) -> BoolArray:
+        """Shape (ny, nx): whether there is a fix whose 95 % ellipse holds what it says (MAS97 §5.2).
+
+        False where the predicted share is off by more than ``VALID_TOLERANCE``: such a fix is uncertain.
+        """
+        off = np.abs(self.validity - np.float32(NOMINAL_SHARE)) > np.float32(VALID_TOLERANCE)  # False for NaN
+        return np.asarray(self.has_fix & ~off)
 
     @property
     def area95(self) -> FloatArray:
@@ -122,11 +152,14 @@ class UncertaintyField:
             return np.asarray(self.sigma_theta[index])
         if name == "n_visible":
             return np.where(self.free[index], self.n_visible[index].astype(np.float64), np.nan)
+        if name == "validity":
+            return self.validity[index].astype(np.float64)
         return _OF_COVARIANCE[name](self.covariance[index])
 
     def content_hash(self) -> str:
-        """SHA-256 (hex) of everything the numbers depend on: world, sensor, grid, heading, format."""
-        return field_hash(self.world, self.sensor, self.frame, self.heading)
+        """SHA-256 (hex) of everything the numbers depend on: world, sensor, grid, heading, method, format."""
+        made = field_hash(self.world, self.sensor, self.frame, self.heading, method=self.method)
+        return digest("reduced", made, self.reduction) if self.reduction else made
 
 
 _OF_COVARIANCE: dict[str, Callable[[FloatArray], FloatArray]] = {
@@ -138,8 +171,15 @@ _OF_COVARIANCE: dict[str, Callable[[FloatArray], FloatArray]] = {
 }
 
 
-def field_hash(world: World, sensor: Sensor, frame: GridFrame, heading: float = 0.0) -> str:
+def field_hash(
+    world: World,
+    sensor: Sensor,
+    frame: GridFrame,
+    heading: float = 0.0,
+    *,
+    method: FieldMethod = BEST_AREA,
+    n_headings: int = 1,
+) -> str:
     """Content hash of the field that these inputs give, known before it is computed."""
-    return digest(
-        "field", float(FIELD_FORMAT), world.content_hash(), sensor_hash(sensor), *frame.as_tuple(), heading
-    )
+    parts = (sensor_hash(sensor), *frame.as_tuple(), heading, n_headings, method.estimator, method.criterion)
+    return digest("field", float(FIELD_FORMAT), world.content_hash(), *parts)

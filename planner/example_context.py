@@ -31,5 +31,6 @@ def example_context() -> PlanningContext:
         triplet=np.where(free[..., None], np.arange(3), -1).astype(np.int16),
         pan=np.full(frame.shape, np.nan),
         n_visible=np.where(free, 3, 0).astype(np.int16),
+        validity=np.where(free, 0.95, np.nan).astype(np.float32),
     )
     return PlanningContext(field)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import label
 
-from localization.uncertainty_field import UncertaintyField
+from localization.uncertainty_field import LAYERS
 from maps.clearance import TOUCH_M
 from planner.context import PlanningContext
 from planner.cost_to_go import Place
@@ -52,18 +53,6 @@ def refined(context: PlanningContext) -> PlanningContext | None:
     def spread(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
         return np.repeat(np.repeat(values, k, axis=0), k, axis=1)
 
-    context.finer = PlanningContext(
-        UncertaintyField(
-            world=field.world,
-            sensor=field.sensor,
-            frame=frame,
-            heading=field.heading,
-            free=spread(field.free),
-            covariance=spread(field.covariance),
-            sigma_theta=spread(field.sigma_theta),
-            triplet=spread(field.triplet),
-            pan=spread(field.pan),
-            n_visible=spread(field.n_visible),
-        )
-    )
+    layers: dict[str, Any] = {name: spread(getattr(field, name)) for name in ("free", *LAYERS)}
+    context.finer = PlanningContext(replace(field, frame=frame, **layers))
     return context.finer

@@ -22,4 +22,7 @@ def synthetic_field(
     triplet = np.where(fix[..., None], np.array([0, 1, 2]), -1).astype(np.int16)
     n_visible = np.where(fix, 3, 0).astype(np.int16)
     pan = np.full(frame.shape, np.nan)
-    return UncertaintyField(world, sensor, frame, 0.0, free, covariance, 0.1 * s, triplet, pan, n_visible)
+    validity = np.where(fix, 0.95, np.nan).astype(np.float32)
+    return UncertaintyField(
+        world, sensor, frame, 0.0, free, covariance, 0.1 * s, triplet, pan, n_visible, validity
+    )

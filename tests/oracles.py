@@ -493,6 +493,49 @@ def ranked_triplets(point, landmarks, survey_sigmas, sensor, heading=0.0, criter
     return sorted(out)
 
 
+def all_visible_fix(point, landmarks, survey_sigmas, sensor, heading=0.0, criterion="area", steps=2001):
+    """Smallest cost (det, λ or trace), over every axis allowed, of the fix from all landmarks in view; or None.
+
+    Pan heads: axes on the middle of pairs (centred), or ``steps`` axes and those where a landmark enters or
+    leaves the view (optimal).
+    """
+    place = sensor_place(point, sensor, heading)
+    zero = heading + sensor.mount.theta
+    kept = [k for k, m in enumerate(landmarks) if is_measurable(place, m, sensor, heading)]
+    angles = azimuths(place, [landmarks[k] for k in kept])
+    axes = [zero]
+    if sensor.kind == "pinhole_pan":
+        half = sensor.field_of_view / 2
+        if sensor.pan_policy == "centred":
+            axes = []
+            for a, b in itertools.combinations(angles, 2):
+                allowed, middle = axes_of_three([a, a, b], sensor, zero)
+                axes += [min(allowed, key=lambda axis, middle=middle: abs(axis - middle))] if allowed else []
+        else:
+            low, high = zero + sensor.pan_min, zero + sensor.pan_max
+            axes = list(np.linspace(low, high, steps))
+            for edge in (a + side * half for a in angles for side in (-1, 1)):
+                axes += [e for e in (edge + turn * 2 * math.pi for turn in range(-2, 3)) if low <= e <= high]
+    best = None
+    for axis in axes:
+        chosen, variances = [], []
+        for k, angle in zip(kept, angles, strict=True):
+            off = math.remainder(angle - axis, 2 * math.pi)
+            share = (survey_sigmas[k] / math.dist(place, landmarks[k])) ** 2 + sensor.bearing_floor**2
+            if sensor.kind == "omnidirectional":
+                variances.append(sensor.bearing_sigma**2 + share)
+            elif abs(off) <= sensor.field_of_view / 2 + 1e-12:
+                variances.append((sensor.column_sigma_px / sensor.focal_px * math.cos(off) ** 2) ** 2 + share)
+            else:
+                continue
+            chosen.append(landmarks[k])
+        if len(chosen) >= 3:
+            c = at_centre(information_covariance(place, chosen, variances), point, place)
+            cost = {"area": np.linalg.det(c), "max_axis": np.linalg.eigvalsh(c)[1], "trace": np.trace(c)}
+            best = cost[criterion] if best is None else min(best, cost[criterion])
+    return best
+
+
 # --- belief along a path ---
 
 

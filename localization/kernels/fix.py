@@ -319,7 +319,15 @@ def information_covariance(inverted, variances, bx, by):
         b += w * qx * qy
         c += w * qy * qy
         size += w * (inverted[i, 0] * inverted[i, 0] + inverted[i, 1] * inverted[i, 1])
-    det = a * c - b * b
+    # a c - b² by what one column keeps beside the other: nearly collinear q would lose all digits.
+    rest = 0.0
+    for i in range(n):
+        w = 1.0 / variances[i]
+        qx = inverted[i, 1] - mx
+        qy = -inverted[i, 0] - my
+        off = qy - b / a * qx if a > c else (qx - b / c * qy if c > 0.0 else 0.0)
+        rest += w * off * off
+    det = rest * max(a, c)
     if not det > (DEGENERATE * size) ** 2:
         return np.nan, np.nan, np.nan, np.nan
     xx = c / det

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from localization.covariance import CHI2_95
 from localization.sensors import MAS97_CAMERA
-from localization.uncertainty_field import UncertaintyField
 from planner.annotate import SPACING_M, annotate
 from planner.context import PlanningContext
 from planner.timing import time_polyline
@@ -101,17 +101,6 @@ def test_wholly_blind_and_standing_still():
 def test_pan_is_told_from_the_direction_of_travel():
     base = context().field
     pan = np.where(base.has_fix, 1.0, np.nan)
-    camera = UncertaintyField(
-        base.world,
-        MAS97_CAMERA,
-        base.frame,
-        0.0,
-        base.free,
-        base.covariance,
-        base.sigma_theta,
-        base.triplet,
-        pan,
-        base.n_visible,
-    )
+    camera = replace(base, sensor=MAS97_CAMERA, pan=pan)
     r, _ = route([[1.0, 1.25], [1.0, 2.0]], PlanningContext(camera))
     np.testing.assert_allclose(r.path.pan, 1.0 - math.pi / 2)
