@@ -167,7 +167,10 @@ def simulate_fixes(
         spread = np.hypot(sensor.bearing_sigma, share)
     else:
         camera = Camera(sensor.focal_px)
-        columns = camera.columns(psi) + rng.normal(0.0, sensor.column_sigma_px, (n, 3))
+        # A landmark close by may, by the survey's error, stand behind the camera: nothing is measured then.
+        behind = np.cos(psi) <= 1e-12
+        columns = camera.columns(np.where(behind, 0.0, psi))
+        columns = np.where(behind, np.nan, columns) + rng.normal(0.0, sensor.column_sigma_px, (n, 3))
         fixes = triangulate_columns(columns, three, camera, pan=pan)
         spread = np.hypot(camera.bearing_sigma(camera.columns(true), sensor.column_sigma_px), share)
     predicted = triangulate(true + pan, three, sigma=spread)
