@@ -8,7 +8,9 @@ from typing import Annotated
 
 import typer
 
+from localization.errors import FieldFormatError
 from localization.sensors import PRESETS, Sensor
+from localization.uncertainty_field import UncertaintyField
 from maps.errors import MapFormatError
 from maps.io.load import load_world
 from maps.io.site import bundled_site, bundled_site_names
@@ -78,6 +80,25 @@ def read_sensor(source: str) -> Sensor:
     if source in PRESETS:
         return PRESETS[source]
     return sensor_from_json(read_json_file(source, what=f"sensor (or preset: {', '.join(PRESETS)})"))
+
+
+def read_field(path: Path) -> UncertaintyField:
+    """Field of one heading from a file.
+
+    Raises
+    ------
+    FieldFormatError
+        If there is none, or it is one over headings.
+    """
+    from localization.heading_field import HeadingField  # noqa: PLC0415  (zarr loads only here)
+    from localization.io.field_file import load_field  # noqa: PLC0415
+
+    loaded = load_field(path)
+    if isinstance(loaded, HeadingField):
+        raise FieldFormatError(
+            f"'{path}' is a field over {len(loaded)} headings; save one heading of it, or a reduction."
+        )
+    return loaded
 
 
 def write_file(path: Path, data: bytes) -> None:

@@ -14,6 +14,7 @@ from api.cli_common import (
     UnknownFree_,
     UnknownOpaque_,
     World_,
+    read_field,
     read_sensor,
     read_world,
     write_file,
@@ -92,10 +93,9 @@ def heatmap(
 ) -> None:
     """Draw a field. Hatched: free cells where fewer than three landmarks are seen together."""
     from api.render import heatmap_png  # noqa: PLC0415
-    from localization.io.field_file import load_field  # noqa: PLC0415
 
     png = heatmap_png(
-        load_field(field_path),
+        read_field(field_path),
         metric=metric,
         width=width,
         height=height,

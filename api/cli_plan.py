@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from api.cli_common import EXIT_UNMET, Field_, write_file
+from api.cli_common import EXIT_UNMET, Field_, read_field, write_file
 from api.console import err, print_plan
 
 
@@ -54,7 +54,6 @@ def plan(
     Exit code 3 when no path keeps the bound (the best effort is written all the same).
     """
     from api.codec import plan_to_json  # noqa: PLC0415
-    from localization.io.field_file import load_field  # noqa: PLC0415
     from planner.context import PlanningContext  # noqa: PLC0415
     from planner.plan import plan as make_plan  # noqa: PLC0415
     from planner.plan import warm_up  # noqa: PLC0415
@@ -73,7 +72,7 @@ def plan(
         deadline=deadline,
         seed=seed,
     )
-    loaded = load_field(field_path)
+    loaded = read_field(field_path)
     with err.status("preparing …"):
         warm_up()  # compiling is not planning: the deadline starts afterwards
         context = PlanningContext(loaded)

@@ -11,6 +11,11 @@ import pytest
 from PIL import Image
 
 from api.cli import main
+from localization.field_builder import build_field
+from localization.heading_field import HeadingField
+from localization.io.field_file import save_field
+from localization.sensors import LASER
+from maps.io.load import load_world
 
 ROOM = {
     "type": "FeatureCollection",
@@ -204,3 +209,11 @@ def test_the_console_command_is_installed():
     done = subprocess.run([command, "world", "--help"], capture_output=True, text=True, check=False)
     assert done.returncode == 0
     assert "check" in done.stdout
+
+
+def test_a_field_over_headings_is_refused_in_words(room, tmp_path, capsys):
+    built = build_field(load_world(room), LASER, resolution=1.0)
+    save_field(HeadingField((built,)), tmp_path / "turning.zarr")
+    for words in (("heatmap", "-o", "h.png"), ("plan", "--start", 2, 4, "--goal", 4, 4)):
+        assert run(words[0], tmp_path / "turning.zarr", *words[1:]) == 1
+        assert "a field over 1 headings" in " ".join(capsys.readouterr().err.split())
