@@ -11,6 +11,7 @@ from PIL import Image, ImageDraw
 
 from api.canvas import Color, InvalidPicture, View, write
 from api.colormaps import COLORMAPS, ByteArray
+from localization.kernels.coverage import NOMINAL_SHARE, VALID_TOLERANCE
 from localization.uncertainty_field import UncertaintyField
 from maps.arrays import BoolArray, FloatArray, IntArray
 from maps.floor_plan import FloorPlan
@@ -24,6 +25,7 @@ _WALL: Color = (48, 56, 66)
 _CLEAR_OBSTACLE: Color = (150, 158, 168)
 _UNKNOWN: Color = (205, 209, 214)
 _NO_FIX: tuple[Color, Color] = ((244, 244, 242), (176, 180, 186))
+_DOUBTFUL: Color = (25, 25, 30)
 _LANDMARK: Color = (214, 39, 40)
 
 
@@ -131,7 +133,7 @@ def paint_field(
     scale: str,
     opacity: float = 1.0,
 ) -> None:
-    """Colour the free cells by a metric; cells without a fix are hatched."""
+    """Colour the free cells by a metric; cells without a fix are hatched, doubtful ones have fine stripes."""
     rows, cols, on = cells_on(field.frame.cell_at(view.pixel_centres()), field.frame.shape)
     values = field.metric(metric, (rows, cols))
     free = on & field.free[rows, cols]
@@ -141,11 +143,20 @@ def paint_field(
     hatch = np.where(
         stripe[..., None], np.array(_NO_FIX[1], dtype=np.uint8), np.array(_NO_FIX[0], dtype=np.uint8)
     )
+    fine = (np.subtract.outer(np.arange(view.height), np.arange(view.width)) % 6) < 1
+    doubtful = fine & is_doubtful(field, (rows, cols))
+    colors = np.where(doubtful[..., None], np.array(_DOUBTFUL, dtype=np.uint8), colors)
     colors = np.where(np.isfinite(values)[..., None], colors, hatch)
     box = _box(view)
     below = np.asarray(image.crop((box[0], box[1], box[2] + 1, box[3] + 1)))
     mixed = np.where(free[..., None], colors * opacity + below * (1.0 - opacity), below)
     image.paste(Image.fromarray(mixed.astype(np.uint8)), (view.left, view.top))
+
+
+def is_doubtful(field: UncertaintyField, at: tuple[IntArray, IntArray]) -> BoolArray:
+    """Whether cells have a fix whose ellipse cannot be believed."""
+    off = np.abs(field.validity[at] - NOMINAL_SHARE) > VALID_TOLERANCE
+    return np.asarray(off)
 
 
 def paint_landmarks(image: Image.Image, view: View, world: World, *, radius: float = 3.0) -> None:
@@ -171,10 +182,11 @@ def paint_color_bar(
     limits: tuple[float, float],
     scale: str,
     title: str,
+    doubtful: bool = False,
 ) -> None:
-    """Colour bar with ticks and unit at the right of a picture, and the meaning of the hatching."""
+    """Colour bar with ticks and unit at the right of a picture, and the meaning of hatching and stripes."""
     draw = ImageDraw.Draw(image)
-    top, bottom = 44, image.height - 62
+    top, bottom = 44, image.height - (84 if doubtful else 62)
     write(draw, (left, 22), title, size=13)
     ramp = COLORMAPS[colormap][np.linspace(255, 0, max(2, bottom - top)).astype(np.uint8)]
     image.paste(Image.fromarray(np.repeat(ramp[:, None, :], 18, axis=1)), (left, top))
@@ -190,6 +202,15 @@ def paint_color_bar(
             image.putpixel((left + k, bottom + 22 + j), _NO_FIX[1] if hatched else _NO_FIX[0])
     draw.rectangle([left, bottom + 22, left + 18, bottom + 36], outline=INK)
     write(draw, (left + 27, bottom + 29), "no fix", size=12)
+    if doubtful:
+        for k in range(18):
+            for j in range(14):
+                fine = (j - k) % 6 < 1
+                image.putpixel(
+                    (left + k, bottom + 44 + j), _DOUBTFUL if fine else tuple(ramp[len(ramp) // 2])
+                )
+        draw.rectangle([left, bottom + 44, left + 18, bottom + 58], outline=INK)
+        write(draw, (left + 27, bottom + 51), "not valid", size=12)
 
 
 def ticks(lo: float, hi: float, scale: str) -> list[float]:

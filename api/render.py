@@ -88,6 +88,7 @@ def heatmap_png(
             limits=limits,
             scale=scale,
             title=f"{title} [{unit}]" if unit else title,
+            doubtful=bool(layers.is_doubtful(field, (rows, cols))[on].any()),
         )
     return encode_png(image)
 

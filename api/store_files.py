@@ -18,6 +18,8 @@ from zipfile import BadZipFile
 import numpy as np
 
 from api.store_records import StorageFull, StoreUnavailable
+from localization.errors import FieldFormatError
+from localization.heading_field import HeadingField
 from localization.io.field_file import load_field, save_field
 from localization.uncertainty_field import UncertaintyField
 from maps.errors import MapError
@@ -124,7 +126,10 @@ def write_field(field: UncertaintyField, path: Path) -> tuple[int, str]:
 
 def read_field(path: Path) -> UncertaintyField:
     """Read what :func:`write_field` wrote; errors as :func:`localization.io.field_file.load_field`."""
-    return load_field(path)
+    field = load_field(path)
+    if isinstance(field, HeadingField):
+        raise FieldFormatError(f"'{path}' is a field over headings; the service holds fields of one heading.")
+    return field
 
 
 def measure(folder: Path) -> tuple[int, str]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +20,10 @@ from maps.world import World
 
 #: Changes when the same world, sensor and parameters would give other numbers or another layout.
 FIELD_FORMAT = 2
+
+#: Predicted share of fixes in the 95 % ellipse below which a cell counts as one without a fix: from about
+#: there on, one measurement in twenty gives no fix at all.
+USABLE_SHARE = 0.85
 
 METRICS: dict[str, tuple[str, str]] = {
     "area95_m2": ("m²", "area of the 95 % ellipse of the best triplet"),
@@ -126,6 +131,38 @@ class UncertaintyField:
     def r95(self) -> FloatArray:
         """Shape (ny, nx), m; NaN without a fix."""
         return cov.r95(self.covariance)
+
+    def trusted(self) -> UncertaintyField:
+        """The field as planning may count on it: nowhere more certain than fixes are.
+
+        Where first order fails and the predicted share p is at least ``USABLE_SHARE``, the ellipse's area is
+        enlarged by ``(ln 0.05 / ln (1 - p))²`` (a Gaussian that leaves out so much would need the root of
+        that factor; simulated fixes, whose tails are heavier, need up to the whole). Below, more than one
+        measurement in twenty leads anywhere or nowhere: no fix. Such cells have no validity. A field that is
+        valid everywhere is returned as it is.
+        """
+        doubtful = self.has_fix & ~self.is_valid
+        if not doubtful.any():
+            return self
+        share = self.validity[doubtful].astype(np.float64)
+        usable = share >= USABLE_SHARE
+        # Above the nominal share the ellipse is too large, which harms nobody.
+        scale = np.maximum(math.log(1.0 - NOMINAL_SHARE) / np.log(1.0 - np.where(usable, share, 0.5)), 1.0)
+        covariance, triplet = self.covariance.copy(), self.triplet.copy()
+        sigma_theta, pan, validity = self.sigma_theta.copy(), self.pan.copy(), self.validity.copy()
+        covariance[doubtful] *= np.where(usable, scale**2, np.nan)[:, None]
+        sigma_theta[doubtful] *= np.where(usable, scale, np.nan)
+        pan[doubtful] = np.where(usable, pan[doubtful], np.nan)
+        triplet[doubtful] = np.where(usable[:, None], triplet[doubtful], -1)
+        validity[doubtful] = np.nan
+        return replace(
+            self,
+            covariance=covariance,
+            sigma_theta=sigma_theta,
+            triplet=triplet,
+            pan=pan,
+            validity=validity,
+        )
 
     def __reduce__(self) -> tuple[type[UncertaintyField], tuple[object, ...]]:
         return (UncertaintyField, tuple(getattr(self, f.name) for f in fields(self)))

@@ -62,8 +62,9 @@ class PlanningContext:
     """
 
     def __init__(self, field: UncertaintyField, *, cache_bytes: int = CACHE_BYTES) -> None:
-        self.field = field
-        self.r95: FloatArray = frozen(field.r95)
+        #: What planning counts on: where first order fails the ellipses are enlarged, or there is no fix.
+        self.field = field.trusted()
+        self.r95: FloatArray = frozen(self.field.r95)
         self.clearance = ClearanceIndex.from_world(field.world)
         self.centre_clearance: FloatArray = frozen(self.clearance.at_centres(field.frame))
         #: The same field on smaller cells, kept by :func:`planner.narrow.refined`.

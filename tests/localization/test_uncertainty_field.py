@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 from dataclasses import fields, replace
 
@@ -98,3 +99,32 @@ def test_hash_follows_all_inputs(field):
     }
     assert len(hashes) == 5
     assert field_hash(field.world.renamed("other"), LASER, frame) == field.content_hash()
+
+
+def test_what_planning_trusts():
+    shares = np.array([[0.95, 0.9421, 0.93, 0.86, 0.84, 0.1, np.nan, 0.97]], dtype=np.float32)
+    world = world_from_ascii("########\n########\n.A.B.C..\n########", resolution=1.0)
+    whole = synthetic_field(world, 1.0, sigma=lambda x, y: 0.1 + 0.0 * x)
+    validity = np.tile(shares, (4, 1))
+    field = replace(whole, validity=np.where(whole.has_fix, validity, np.nan).astype(np.float32))
+    row = 1
+    assert field.is_valid[row].tolist() == [True, True, False, False, False, False, True, False]
+    trusted = field.trusted()
+    growth = trusted.r95[row] / field.r95[row]
+    want = [
+        1.0,
+        1.0,
+        math.log(0.05) / math.log(0.07),
+        math.log(0.05) / math.log(0.14),
+        np.nan,
+        np.nan,
+        1.0,
+        1.0,
+    ]
+    np.testing.assert_allclose(growth, want, rtol=1e-6)
+    np.testing.assert_array_equal(trusted.has_fix[row], np.isfinite(want))
+    np.testing.assert_array_equal(trusted.triplet[row, :, 0] >= 0, np.isfinite(want))
+    assert trusted.trusted() is trusted
+    assert whole.trusted() is whole
+    assert trusted.content_hash() == field.content_hash()
+    assert (trusted.free == field.free).all()
