@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from PIL import ImageDraw
+from PIL import Image, ImageDraw
 
 from api import canvas, layers
 from api import mas97_pictures_parts as parts
@@ -88,10 +88,14 @@ def figure_6(topologies: tuple[Topology, ...]) -> bytes:
     for k, t in enumerate(topologies):
         world = t.field.world
         view = parts.big_view(world.bounds, side)
-        panel = parts.floor_panel(world, view)
+        # Hatching and stripes are made for one pixel of the picture: painted small, then enlarged.
+        small = canvas.fit_view(world.bounds, side, side)
+        panel = Image.new("RGB", (side, side), parts.WHITE)
+        layers.paint_floor(panel, small, world)
         layers.paint_field(
-            panel, view, t.field, metric="area95_m2", colormap=_COLORS, limits=_LIMITS, scale="log"
+            panel, small, t.field, metric="area95_m2", colormap=_COLORS, limits=_LIMITS, scale="log"
         )
+        panel = panel.resize((view.width, view.height), Image.Resampling.NEAREST)
         pen = ImageDraw.Draw(panel, "RGBA")
         for x, y in parts.pixels(view, world.landmarks.positions):
             pen.ellipse([x - 8, y - 8, x + 8, y + 8], fill=(214, 39, 40), outline=parts.WHITE, width=2)
@@ -103,11 +107,19 @@ def figure_6(topologies: tuple[Topology, ...]) -> bytes:
         draw, (parts.AXIS_LEFT, 20), "Fig. 6: area of the 95 % ellipse, three layouts of one triplet", size=16
     )
     layers.paint_color_bar(
-        image, width - 112, colormap=_COLORS, limits=_LIMITS, scale="log", title="area95 [m²]"
+        image,
+        width - 112,
+        colormap=_COLORS,
+        limits=_LIMITS,
+        scale="log",
+        title="area95 [m²]",
+        doubtful=True,
     )
     x, y = TOPOLOGY_PLACE
-    note = f"cross: ({x:g}, {y:g}) m, the place of the printed areas; red dots: landmarks; "
-    note += "hatched: the triplet does not fit the field of view, or the place is in line with it"
+    note = (
+        f"cross: ({x:g}, {y:g}) m, the place of the printed areas; red dots: landmarks; no fix: the triplet "
+    )
+    note += "does not fit the field of view, or the place is in line with it; not valid: first order fails"
     canvas.write(draw, (parts.AXIS_LEFT, side + top + 58), note, size=13, fill=parts.GREY)
     return canvas.encode_png(image)
 

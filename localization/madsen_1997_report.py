@@ -8,7 +8,7 @@ import numpy as np
 
 from localization.madsen_1997 import SEED, Reproduction, Row, area
 from localization.madsen_1997_path import N_DRIVES, STEP_M
-from localization.madsen_1997_scenes import POOR_PLACE, SITE
+from localization.madsen_1997_scenes import POOR_PLACE, SITE, TOPOLOGY_PLACE
 
 COMMAND = "surepath reproduce mas97 -o docs"
 PICTURE_FOLDER = "pictures"
@@ -79,7 +79,8 @@ def _figures(r: Reproduction) -> list[str]:
             6,
             "Three topologies",
             "One triplet in an empty room of 15 m, three positions of its middle landmark, one scale of "
-            "colours. Hatched: the triplet does not fit the field of view, or the place is in line with it.",
+            "colours. No fix: the triplet does not fit the field of view, or the place is in line with it.",
+            _validity(r),
         ),
         _figure(
             7,
@@ -103,6 +104,19 @@ def _figures(r: Reproduction) -> list[str]:
             "between two landmarks does not change, and not in the ellipse. " + _worst(r),
         ),
     ]
+
+
+def _validity(r: Reproduction) -> str:
+    """What the field's own measure says of first order, by topology."""
+    fields = [t.field for t in r.topologies]
+    shares = ", ".join(f"{100 * np.mean(~f.is_valid[f.has_fix]):.0f} %" for f in fields)
+    row, col = fields[0].frame.cell_at(np.array(TOPOLOGY_PLACE))
+    there = ", ".join(f"{100 * float(f.validity[row, col]):.0f} %" for f in fields)
+    return (
+        "Striped: cells where first order fails, because not 95 % of the fixes lie inside the ellipse: "
+        f"{shares} of the cells with a fix, by topology. At the place of the printed areas the shares are "
+        f"{there}, as the field predicts them."
+    )
 
 
 def _worst(r: Reproduction) -> str:
