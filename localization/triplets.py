@@ -12,6 +12,7 @@ from localization import covariance as cov
 from localization.errors import LocalizationError
 from localization.kernels.field import in_view, ranked_at
 from localization.kernels.fix import triplet_fix
+from localization.kernels.share import triplet_share
 from localization.method import FieldMethod
 from localization.sensors import Criterion, Sensor, kernel_args
 from localization.tiles import compute_tile
@@ -39,6 +40,8 @@ class TripletChoice:
         Optical axis relative to the pan head's zero, rad; NaN without a pan head.
     n_visible
         Landmarks that can be measured: in range, facing, line of sight, not muted, in a fixed camera's view.
+    validity
+        Predicted share of fixes inside the 95 % ellipse, 0.95 where first order holds.
     """
 
     triplet: tuple[int, int, int]
@@ -46,6 +49,7 @@ class TripletChoice:
     sigma_theta: float
     pan: float
     n_visible: int
+    validity: float
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "covariance", frozen(self.covariance))
@@ -116,6 +120,7 @@ def best_triplet(
         float(tile.sigma_theta[0, 0]),
         float(tile.pan[0, 0]),
         int(tile.n_visible[0, 0]),
+        float(tile.validity[0, 0]),
     )
 
 
@@ -152,24 +157,37 @@ def rank_triplets(
     place, visible = _seen_at(world, sensor, point, heading)
     if not bool(world.floor.free_at(place)):
         return []
+    return ranked_of(world, sensor, place, heading, np.flatnonzero(visible), count=count, criterion=criterion)
+
+
+def ranked_of(
+    world: World,
+    sensor: Sensor,
+    place: FloatArray,
+    heading: float,
+    indices: npt.NDArray[np.int64],
+    *,
+    count: int,
+    criterion: Criterion,
+) -> list[TripletChoice]:
+    """The best triplets of the landmarks ``indices`` (n,) at a place (2,), W, m, as if nothing hid them."""
     positions, survey = world.landmarks.positions, world.landmarks.sigma**2
     args = kernel_args(sensor, float(wrap(heading)), criterion)
     x, y = (float(v) for v in place + sensor.mount.offset(heading))
-    indices = np.flatnonzero(visible)
-    indices = indices[: in_view(x, y, len(indices), indices, positions, args)]
-    if len(indices) < 3:
+    kept = indices.copy()
+    kept = kept[: in_view(x, y, len(kept), kept, positions, args)]
+    if len(kept) < 3:
         return []
-    possible = math.comb(len(indices), 3)
-    values = np.empty(min(count, possible))
+    values = np.empty(min(count, math.comb(len(kept), 3)))
     triplets = np.empty((len(values), 3), dtype=np.int64)
-    found = ranked_at(x, y, indices, positions, survey, args, values, triplets)
+    found = ranked_at(x, y, kept, positions, survey, args, values, triplets)
     choices = []
     for i, j, k in triplets[:found].tolist():
         xx, xy, yy, variance, pan = triplet_fix(x, y, i, j, k, positions, survey, args)
         if not math.isnan(xx):
-            choices.append(
-                TripletChoice((i, j, k), np.array([xx, xy, yy]), math.sqrt(variance), pan, len(indices))
-            )
+            share = float(triplet_share(x, y, i, j, k, pan, positions, survey, args))
+            covariance = np.array([xx, xy, yy])
+            choices.append(TripletChoice((i, j, k), covariance, math.sqrt(variance), pan, len(kept), share))
     return choices
 
 
