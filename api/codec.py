@@ -10,9 +10,9 @@ from typing import Any, NoReturn
 from pydantic import TypeAdapter, ValidationError
 
 from api.codec_plan import plan_to_json
-from api.schemas import SensorIn
+from api.schemas_sensor import SensorIn
 from localization.errors import InvalidSensor
-from localization.sensors import OmnidirectionalSensor, Sensor
+from localization.sensors import Mount, OmnidirectionalSensor, PinholePanSensor, Sensor
 from maps.errors import SurepathError
 
 __all__ = [
@@ -105,8 +105,9 @@ def sensor_from_json(obj: Any) -> Sensor:
 
     Examples
     --------
-    >>> sensor_from_json({"kind": "omnidirectional", "bearing_sigma_rad": 0.002, "max_range_m": 25})
-    OmnidirectionalSensor(bearing_sigma=0.002, min_range=0.0, max_range=25.0)
+    >>> given = {"kind": "omnidirectional", "bearing_sigma_rad": 0.002, "mount": {"x_m": 0.2}}
+    >>> sensor_from_json(given).mount
+    Mount(x=0.2, y=0.0, theta=0.0)
 
     Raises
     ------
@@ -121,27 +122,38 @@ def sensor_from_json(obj: Any) -> Sensor:
         given = "" if isinstance(value, (dict, list)) else f" is {repr(value)[:40]}"
         # The first part of a place inside a tagged union is the tag.
         place = ".".join(str(p)[:80] for p in first["loc"][1:])
-        raise InvalidSensor(f"Sensor{' ' + place if place else ''}{given}: {first['msg']}.") from None
+        words = first["msg"].removeprefix("Value error, ")
+        raise InvalidSensor(f"Sensor{' ' + place if place else ''}{given}: {words}.") from None
 
 
 def sensor_to_json(sensor: Sensor) -> dict[str, Any]:
     """Inverse of :func:`sensor_from_json`, bit for bit (hence in rad)."""
-    reach = {
+    common = {
+        "bearing_floor_rad": sensor.bearing_floor,
         "min_range_m": sensor.min_range,
         "max_range_m": None if math.isinf(sensor.max_range) else sensor.max_range,
+        "mount": _mount_to_json(sensor.mount),
     }
     if isinstance(sensor, OmnidirectionalSensor):
-        return {"kind": sensor.kind, "bearing_sigma_rad": sensor.bearing_sigma, **reach}
-    return {
+        muted = [{"begin_rad": begin, "end_rad": end} for begin, end in sensor.muted]
+        return {"kind": sensor.kind, "bearing_sigma_rad": sensor.bearing_sigma, "muted": muted, **common}
+    camera = {
         "kind": sensor.kind,
         "fov_rad": sensor.field_of_view,
         "focal_px": sensor.focal_px,
         "column_sigma_px": sensor.column_sigma_px,
-        "pan_min_rad": sensor.pan_min,
-        "pan_max_rad": sensor.pan_max,
-        "pan_policy": sensor.pan_policy,
-        **reach,
     }
+    if isinstance(sensor, PinholePanSensor):
+        camera |= {
+            "pan_min_rad": sensor.pan_min,
+            "pan_max_rad": sensor.pan_max,
+            "pan_policy": sensor.pan_policy,
+        }
+    return {**camera, **common}
+
+
+def _mount_to_json(mount: Mount) -> dict[str, float]:
+    return {"x_m": mount.x, "y_m": mount.y, "theta_rad": mount.theta}
 
 
 def to_json_bytes(value: Any) -> bytes:

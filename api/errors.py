@@ -19,7 +19,7 @@ from api import store_records as store
 from api import worker_process as worker
 from api.canvas import InvalidPicture
 from api.codec import DocumentError, to_json_bytes
-from api.schemas import SENSOR_TAGS
+from api.schemas_sensor import SENSOR_TAGS
 
 PROBLEM_MEDIA_TYPE = "application/problem+json"
 RETRY_AFTER_S = "2"

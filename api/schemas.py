@@ -5,136 +5,20 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
-from localization.sensors import PRESETS, OmnidirectionalSensor, PinholePanSensor, Sensor
+from api.schemas_base import Finite, NotNegative, Positive, Request
+from api.schemas_sensor import SensorOrPreset, to_sensor
+from localization.method import FieldMethod
+from localization.sensors import Sensor
 from planner.problem import MAX_DEADLINE_S, MIN_DEADLINE_S, PlanningProblem
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(allow_inf_nan=False, gt=0)]
-NotNegative = Annotated[float, Field(allow_inf_nan=False, ge=0)]
 MapId = Annotated[
     str, Field(min_length=1, max_length=200, description="Id (m_…) or name of a map.", examples=["warehouse"])
 ]
 FieldId = Annotated[str, Field(min_length=1, max_length=200, description="Id (f_…) of a ready field.")]
 
 
-class Request(BaseModel):
-    """Base of all request bodies: what is not known is refused, nothing is converted silently."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
-
-
-def _one_angle(name: str, deg: float | None, rad: float | None) -> float | None:
-    if deg is not None and rad is not None:
-        raise ValueError(f"give {name}_deg or {name}_rad, not both")
-    return math.radians(deg) if deg is not None else rad
-
-
-def _needed_angle(name: str, deg: float | None, rad: float | None) -> float:
-    angle = _one_angle(name, deg, rad)
-    if angle is None:
-        raise ValueError(f"give {name}_deg or {name}_rad")
-    return angle
-
-
-class OmnidirectionalIn(Request):
-    """A scanner that measures bearings all around, such as a navigation laser on reflectors."""
-
-    kind: Literal["omnidirectional"]
-    bearing_sigma_deg: Positive | None = Field(
-        default=None, description="Standard deviation of a bearing, degrees."
-    )
-    bearing_sigma_rad: Positive | None = Field(default=None, description="The same in rad; give exactly one.")
-    min_range_m: NotNegative = Field(default=0.0, description="Nearest landmark that is seen, m.")
-    max_range_m: Positive | None = Field(
-        default=None, description="Farthest landmark that is seen, m; null: any."
-    )
-
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        _needed_angle("bearing_sigma", self.bearing_sigma_deg, self.bearing_sigma_rad)
-        return self
-
-    def to_sensor(self) -> Sensor:
-        """The sensor; raises :class:`~localization.errors.InvalidSensor` on impossible numbers."""
-        return OmnidirectionalSensor(
-            bearing_sigma=_needed_angle("bearing_sigma", self.bearing_sigma_deg, self.bearing_sigma_rad),
-            min_range=self.min_range_m,
-            max_range=math.inf if self.max_range_m is None else self.max_range_m,
-        )
-
-
-class PinholePanIn(Request):
-    """A pinhole camera on a pan head: a bearing has standard deviation ``column_sigma · cos²ψ / focal``."""
-
-    kind: Literal["pinhole_pan"]
-    fov_deg: Positive | None = Field(default=None, description="Full opening angle, degrees, below 180.")
-    fov_rad: Positive | None = Field(default=None, description="The same in rad; give exactly one.")
-    focal_px: Positive = Field(description="Focal length, px.")
-    column_sigma_px: Positive = Field(description="Standard deviation of an image column, px.")
-    pan_min_deg: Finite | None = Field(
-        default=None, description="Lower pan limit off the heading; default -180."
-    )
-    pan_min_rad: Finite | None = Field(default=None, description="The same in rad; give at most one.")
-    pan_max_deg: Finite | None = Field(
-        default=None, description="Upper pan limit off the heading; default 180."
-    )
-    pan_max_rad: Finite | None = Field(default=None, description="The same in rad; give at most one.")
-    min_range_m: NotNegative = Field(default=0.0, description="Nearest landmark that is seen, m.")
-    max_range_m: Positive | None = Field(
-        default=None, description="Farthest landmark that is seen, m; null: any."
-    )
-    pan_policy: Literal["centred", "optimal"] = Field(
-        default="centred", description="Axis on the middle of the triplet, or where the ellipse is smallest."
-    )
-
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        _needed_angle("fov", self.fov_deg, self.fov_rad)
-        _one_angle("pan_min", self.pan_min_deg, self.pan_min_rad)
-        _one_angle("pan_max", self.pan_max_deg, self.pan_max_rad)
-        return self
-
-    def to_sensor(self) -> Sensor:
-        """The sensor; raises :class:`~localization.errors.InvalidSensor` on impossible numbers."""
-        low = _one_angle("pan_min", self.pan_min_deg, self.pan_min_rad)
-        high = _one_angle("pan_max", self.pan_max_deg, self.pan_max_rad)
-        return PinholePanSensor(
-            field_of_view=_needed_angle("fov", self.fov_deg, self.fov_rad),
-            focal_px=self.focal_px,
-            column_sigma_px=self.column_sigma_px,
-            pan_min=-math.pi if low is None else low,
-            pan_max=math.pi if high is None else high,
-            min_range=self.min_range_m,
-            max_range=math.inf if self.max_range_m is None else self.max_range_m,
-            pan_policy=self.pan_policy,
-        )
-
-
-SensorIn = Annotated[OmnidirectionalIn | PinholePanIn, Field(discriminator="kind")]
-PresetName = Literal["laser", "mas97"]
-SENSOR_TAGS = ("omnidirectional", "pinhole_pan", "preset")
-
-
-def _sensor_tag(value: Any) -> str | None:
-    if isinstance(value, str):
-        return "preset"
-    kind = value.get("kind") if isinstance(value, dict) else getattr(value, "kind", None)
-    return kind if kind in SENSOR_TAGS[:2] else None
-
-
-SensorOrPreset = Annotated[
-    Annotated[OmnidirectionalIn, Tag("omnidirectional")]
-    | Annotated[PinholePanIn, Tag("pinhole_pan")]
-    | Annotated[PresetName, Tag("preset")],
-    Discriminator(
-        _sensor_tag,
-        custom_error_type="sensor_kind",
-        custom_error_message="the kind must be omnidirectional or pinhole_pan, "
-        "or the whole sensor one of the presets laser and mas97",
-    ),
-]
 _SENSOR_EXAMPLE: dict[str, Any] = {"kind": "omnidirectional", "bearing_sigma_deg": 0.1, "max_range_m": 30.0}
 
 
@@ -149,19 +33,35 @@ class FieldIn(Request):
 
     map: MapId
     sensor: SensorOrPreset = Field(
-        description="The sensor, or a preset: laser (0.1°, 30 m) or mas97 (the paper's camera)."
+        description="The sensor, or a preset: laser (0.1°, 30 m), mas97 (the paper's camera on its pan head) "
+        "or forward (the same camera, fixed)."
     )
     resolution_m: Finite = Field(default=0.1, description="Side of a cell, m.", ge=0.001, le=100)
     heading_rad: Finite = Field(
         default=0.0,
-        description="Heading of the robot; matters for limited pan heads only.",
+        description="Heading of the robot; matters to sensors that see otherwise when the robot turns: fixed "
+        "cameras, limited pan heads, muted sectors, mounts off the robot's centre.",
         ge=-2 * math.pi,
         le=2 * math.pi,
+    )
+    estimator: Literal["best_triplet", "all_visible"] = Field(
+        default="best_triplet",
+        description="What a fix is made of: the best three landmarks in view, or all of them together "
+        "(weighted least squares; its validity is not known).",
+    )
+    criterion: Literal["area", "max_axis", "trace"] = Field(
+        default="area",
+        description="What the best triplet, and where a pan head looks, make smallest: area or major axis of "
+        "the 95 % ellipse, or the sum of the position variances.",
     )
 
     def to_sensor(self) -> Sensor:
         """The sensor; raises :class:`~localization.errors.InvalidSensor` on impossible numbers."""
-        return PRESETS[self.sensor] if isinstance(self.sensor, str) else self.sensor.to_sensor()
+        return to_sensor(self.sensor)
+
+    def to_method(self) -> FieldMethod:
+        """How fixes are made."""
+        return FieldMethod(self.estimator, self.criterion)
 
 
 class PlaceIn(Request):

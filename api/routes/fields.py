@@ -13,7 +13,8 @@ from api.codec import to_json_bytes
 from api.codec_records import field_to_json, ordered_to_json, point_to_json
 from api.dependencies import Service_
 from api.routes.common import NOT_MODIFIED, answer, json_response, problems
-from api.schemas import FieldIn, Finite
+from api.schemas import FieldIn
+from api.schemas_base import Finite
 from api.store_records import FieldStatus
 
 router = APIRouter(prefix="/v1/fields", tags=["fields"])

@@ -18,7 +18,7 @@ from api.codec import (
     to_json_bytes,
 )
 from localization.errors import InvalidSensor
-from localization.sensors import PRESETS, OmnidirectionalSensor, PinholePanSensor
+from localization.sensors import PRESETS, Mount, OmnidirectionalSensor, PinholeFixedSensor, PinholePanSensor
 from planner.problem import PlanningProblem
 from planner.result import PlanResult, PlanStatus
 from tests.api.answers_by_hand import plan_by_hand
@@ -28,8 +28,16 @@ from tests.worlds import world_from_ascii
 SENSORS = [
     *PRESETS.values(),
     OmnidirectionalSensor(0.1),
+    OmnidirectionalSensor(
+        0.1, bearing_floor=0.01, muted=((2.9, -2.9), (1.0, 1.1)), mount=Mount(0.2, -0.1, 7.0)
+    ),
+    OmnidirectionalSensor(0.1, muted=((math.radians(170), math.radians(-170)),)),
     PinholePanSensor(1.0, 500.0, 2.0, pan_min=-0.3, pan_max=0.1, max_range=7.5, pan_policy="optimal"),
+    PinholePanSensor(1.0, 500.0, 2.0, bearing_floor=1 / 3, mount=Mount(0.1, 0.0, -math.pi)),
+    PinholeFixedSensor(1.0, 500.0, 2.0, min_range=0.7, bearing_floor=0.1, mount=Mount(0.0, 1 / 3, 0.7)),
 ]
+CAMERA = {"kind": "pinhole_fixed", "fov_deg": 90, "focal_px": 500, "column_sigma_px": 1}
+LASER = {"kind": "omnidirectional", "bearing_sigma_deg": 0.1}
 
 
 @pytest.mark.parametrize("sensor", SENSORS, ids=lambda s: s.kind)
@@ -45,6 +53,22 @@ def test_degrees_are_taken_at_the_door():
     assert sensor.field_of_view == math.radians(90.0)
     assert sensor.pan_max == math.radians(45)
     assert sensor.pan_min == -math.pi
+
+
+def test_mounts_sectors_and_floors_are_taken_in_degrees():
+    scanner = sensor_from_json(
+        {
+            **LASER,
+            "bearing_floor_deg": 0.05,
+            "muted": [{"begin_deg": 170, "end_deg": -170}, {"begin_rad": 1, "end_rad": 1.5}],
+            "mount": {"x_m": 0.2, "theta_deg": 90},
+        }
+    )
+    assert scanner.bearing_floor == math.radians(0.05)
+    assert scanner.muted == ((math.radians(170), math.radians(-170)), (1.0, 1.5))
+    assert scanner.mount == Mount(0.2, 0.0, math.radians(90))
+    camera = sensor_from_json({**CAMERA, "mount": {"x_m": 0.2, "y_m": 0, "theta_rad": 0}})
+    assert camera == PinholeFixedSensor(math.radians(90), 500.0, 1.0, mount=Mount(0.2))
 
 
 @pytest.mark.parametrize(
@@ -66,6 +90,36 @@ def test_degrees_are_taken_at_the_door():
             {"kind": "omnidirectional", "bearing_sigma_deg": 1.0, "min_range_m": 5, "max_range_m": 4},
             "max_range",
         ),
+        ({**LASER, "bearing_floor_deg": -0.1}, "bearing_floor_deg is -0.1"),
+        ({**LASER, "bearing_floor_deg": 180}, "bearing_floor_deg is 180"),
+        ({**LASER, "bearing_floor_deg": 0.1, "bearing_floor_rad": 0.1}, "not both"),
+        ({**LASER, "mount": 0.2}, "mount is 0.2"),
+        ({**LASER, "mount": {"x_m": math.nan}}, "mount.x_m is nan"),
+        ({**LASER, "mount": {"x_m": 200}}, "mount.x_m is 200"),
+        ({**LASER, "mount": {"x_m": 90, "y_m": 90}}, "mount arm is 127"),
+        ({**LASER, "mount": {"x": 1}}, "mount.x is 1"),
+        (
+            {**LASER, "mount": {"theta_rad": 1, "theta_deg": 1}},
+            "mount: give theta_deg or theta_rad, not both",
+        ),
+        ({**LASER, "mount": {"theta_deg": math.inf}}, "mount.theta_deg is inf"),
+        ({**LASER, "muted": {"begin_deg": 1, "end_deg": 2}}, "muted: .*list"),
+        ({**LASER, "muted": [{"begin_deg": 1}]}, "muted.0: give begin_deg and end_deg"),
+        ({**LASER, "muted": [{"begin_deg": 1, "end_rad": 2}]}, "begin_rad and end_rad"),
+        ({**LASER, "muted": [{"begin_deg": 1, "begin_rad": 1, "end_rad": 2}]}, "begin_rad and end_rad"),
+        ({**LASER, "muted": [{"begin_deg": 0, "end_deg": 400}]}, "muted.0.end_deg is 400"),
+        ({**LASER, "muted": [{"begin_deg": 190, "end_deg": -170}]}, "empty or the whole turn"),
+        ({**LASER, "muted": [{"begin_rad": 1, "end_rad": 1}]}, "empty or the whole turn"),
+        ({**LASER, "muted": [{"begin_deg": 1, "end_deg": 2}] * 65}, "muted: .*64"),
+        ({**CAMERA, "muted": []}, "muted"),
+        ({**CAMERA, "fov_deg": 180}, "fov_deg is 180: .*less than 180"),
+        ({**CAMERA, "fov_rad": 1}, "give fov_deg or fov_rad, not both"),
+        ({**CAMERA, "fov_deg": None}, "give fov_deg or fov_rad"),
+        ({**CAMERA, "focal_px": 0}, "focal_px is 0"),
+        ({**CAMERA, "column_sigma_px": 5000}, "column_sigma_px / focal_px"),
+        ({**CAMERA, "pan_min_deg": 0}, "pan_min_deg"),
+        ({**CAMERA, "kind": "pinhole_pan", "pan_max_deg": 181}, "pan_max_deg is 181"),
+        ({**CAMERA, "kind": "pinhole_pan", "pan_min_deg": 20, "pan_max_deg": 10}, "pan_max"),
     ],
 )
 def test_wrong_sensors_are_named(obj, word):

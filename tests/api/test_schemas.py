@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from typing import get_args
 
 import pytest
 from pydantic import ValidationError
 
 from api.schemas import FieldIn, PlanIn
-from localization.sensors import LASER, MAS97_CAMERA
+from api.schemas_sensor import SENSOR_KINDS, PresetName
+from localization.method import BEST_AREA, CRITERIA, ESTIMATORS, FieldMethod
+from localization.sensors import FORWARD_CAMERA, LASER, MAS97_CAMERA, PRESETS
 from planner.errors import InvalidProblem
 
 PLAN = {
@@ -78,14 +81,36 @@ def test_numbers_beyond_the_planner_have_its_error():
 def test_a_field_takes_presets_and_sensors():
     assert FieldIn.model_validate({"map": "a", "sensor": "laser"}).to_sensor() == LASER
     assert FieldIn.model_validate({"map": "a", "sensor": "mas97"}).to_sensor() == MAS97_CAMERA
+    assert FieldIn.model_validate({"map": "a", "sensor": "forward"}).to_sensor() == FORWARD_CAMERA
     sensor = {"kind": "omnidirectional", "bearing_sigma_deg": 0.1, "max_range_m": 30.0}
     assert FieldIn.model_validate({"map": "a", "sensor": sensor}).to_sensor() == LASER
+
+
+def test_every_kind_preset_and_method_of_the_engine_has_its_word():
+    assert set(get_args(PresetName)) == set(PRESETS)
+    assert {s.kind for s in PRESETS.values()} == set(SENSOR_KINDS)
+    properties = FieldIn.model_json_schema()["properties"]
+    assert properties["estimator"]["enum"] == list(ESTIMATORS)
+    assert properties["criterion"]["enum"] == list(CRITERIA)
+
+
+def test_a_field_says_how_its_fixes_are_made():
+    assert FieldIn.model_validate({"map": "a", "sensor": "laser"}).to_method() == BEST_AREA
+    order = {"map": "a", "sensor": "laser", "estimator": "all_visible", "criterion": "trace"}
+    assert FieldIn.model_validate(order).to_method() == FieldMethod("all_visible", "trace")
 
 
 @pytest.mark.parametrize(
     "change",
     [
         {"sensor": "sonar"},
+        {"estimator": "worst_triplet"},
+        {"estimator": None},
+        {"criterion": "volume"},
+        {"criterion": ["area"]},
+        {"sensor": ["laser"]},
+        {"sensor": {"kind": ["omnidirectional"]}},
+        {"sensor": {"kind": "preset"}},
         {"sensor": {"kind": "sonar"}},
         {"resolution_m": 0.0},
         {"resolution_m": 1e-300},
