@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from localization.errors import InvalidSensor, LocalizationError
-from localization.sensors import PinholePanSensor
+from localization.sensors import PinholeSensor
 from maps.arrays import BoolArray, FloatArray
 
 
@@ -62,7 +62,7 @@ class Camera:
             )
 
     @classmethod
-    def from_sensor(cls, sensor: PinholePanSensor, *, principal_px: float | None = None) -> Camera:
+    def from_sensor(cls, sensor: PinholeSensor, *, principal_px: float | None = None) -> Camera:
         """The camera of a sensor: as wide as its field of view, axis in the middle unless said otherwise.
 
         Examples

@@ -13,6 +13,7 @@ from localization.belief import NotPositiveDefinite, PoseBelief, require_covaria
 from localization.errors import LocalizationError
 from localization.kernels import ekf as kernel
 from localization.motion import OdometryModel, check_increment
+from localization.sensors import CENTRE, Mount
 from maps.arrays import BoolArray, FloatArray, frozen
 from maps.se2 import wrap
 
@@ -91,6 +92,7 @@ def update_with_bearings(
     sigma: npt.ArrayLike,
     survey_sigma: npt.ArrayLike = 0.0,
     gate: float | None = None,
+    mount: Mount = CENTRE,
 ) -> Update:
     """Belief after bearings of known landmarks, as one joint update in Joseph form.
 
@@ -99,7 +101,7 @@ def update_with_bearings(
     belief
         Before the measurement.
     bearings
-        Shape (M,): rad, robot frame, counter-clockwise. NaN is a missing measurement.
+        Shape (M,): rad, from the sensor's zero, counter-clockwise. NaN is a missing measurement.
     landmarks
         Shape (M, 2): where the landmarks stand, W, m.
     sigma
@@ -108,6 +110,8 @@ def update_with_bearings(
         Standard deviation of the landmarks' places, m: one number or shape (M,).
     gate
         Probability with which a good bearing passes; a bearing outside is left out. ``None``: all count.
+    mount
+        Where the sensor sits on the robot.
 
     Returns
     -------
@@ -138,7 +142,9 @@ def update_with_bearings(
     variances = np.broadcast_to(s * s, z.shape).copy()
     survey = np.broadcast_to(survey * survey, z.shape).copy()
     limit = gate_quantile(gate, 1)
-    kernel.update_bearings(mean, P, z, p, variances, survey, limit, innovations, normalised, accepted)
+    kernel.update_bearings(
+        mean, P, mount.as_array(), z, p, variances, survey, limit, innovations, normalised, accepted
+    )
     return Update(PoseBelief(mean, P, "posterior"), innovations, normalised, accepted)
 
 

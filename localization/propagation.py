@@ -130,6 +130,7 @@ def propagate(
         distances,
         turns,
         odometry.kernel_args,
+        schedule.mount.as_array(),
         schedule.places,
         schedule.variances,
         fix_stations(drive.times, fix_rate),

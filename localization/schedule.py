@@ -9,8 +9,16 @@ import numpy as np
 import numpy.typing as npt
 
 from localization.errors import LocalizationError
+from localization.kernels.field import in_view
 from localization.kernels.fix import triplet_fix
-from localization.sensors import OmnidirectionalSensor, Sensor, kernel_args
+from localization.sensors import (
+    CENTRE,
+    Mount,
+    OmnidirectionalSensor,
+    PinholeFixedSensor,
+    Sensor,
+    kernel_args,
+)
 from localization.tiles import compute_tile
 from localization.triplets import pack_masks
 from maps.arrays import BoolArray, FloatArray, IntArray, frozen
@@ -63,11 +71,14 @@ class LandmarkSchedule:
         Shape (K, M, 2): where they stand, W, m.
     variances
         Shape (K, M): of their bearings with the survey's share, rad²; NaN for none.
+    mount
+        Where the sensor sits on the robot.
     """
 
     landmarks: IntArray
     places: FloatArray
     variances: FloatArray
+    mount: Mount = CENTRE
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "landmarks", frozen(self.landmarks, dtype=np.int64))
@@ -164,18 +175,19 @@ def schedule_of_triplets(
         x, y, heading = (float(v) for v in drive.poses[k])
         i, j, m = (int(v) for v in index[k])
         args = kernel_args(sensor, heading)
-        xx, _, _, _, pan = triplet_fix(x, y, i, j, m, landmarks.positions, survey, args)
+        at = np.array([x, y]) + sensor.mount.offset(heading)
+        xx, _, _, _, pan = triplet_fix(at[0], at[1], i, j, m, landmarks.positions, survey, args)
         if not math.isnan(xx):
-            variances[k] = _bearing_variances(sensor, places[k] - [x, y], heading + pan, survey[index[k]])
+            axis = heading + sensor.mount.theta + (0.0 if math.isnan(pan) else pan)
+            variances[k] = _bearing_variances(sensor, places[k] - at, axis, survey[index[k]])
     index = np.where(np.isnan(variances), -1, index)
-    return LandmarkSchedule(index, places, variances)
+    return LandmarkSchedule(index, places, variances, sensor.mount)
 
 
 def best_triplet_schedule(world: World, sensor: Sensor, drive: Drive) -> LandmarkSchedule:
     """Schedule with the best triplet at each station, that of :func:`localization.triplets.best_triplet`."""
     points = drive.poses[:, :2]
-    seen = visible_landmarks(world, points, min_range=sensor.min_range, max_range=sensor.max_range)
-    masks = pack_masks(seen)[:, None, :]
+    masks = pack_masks(_seen_along(world, sensor, drive))[:, None, :]
     free = np.asarray(world.floor.free_at(points)).reshape(-1, 1)
     centres = points[:, None, :]
     triplets = np.full((len(points), 3), -1, dtype=np.int64)
@@ -190,22 +202,39 @@ def best_triplet_schedule(world: World, sensor: Sensor, drive: Drive) -> Landmar
     return schedule_of_triplets(drive, triplets, world.landmarks, sensor)
 
 
-def all_visible_schedule(world: World, sensor: OmnidirectionalSensor, drive: Drive) -> LandmarkSchedule:
-    """Schedule with every visible landmark at each station, for a sensor that looks all around."""
-    points = drive.poses[:, :2]
-    seen = visible_landmarks(world, points, min_range=sensor.min_range, max_range=sensor.max_range)
+def all_visible_schedule(
+    world: World, sensor: OmnidirectionalSensor | PinholeFixedSensor, drive: Drive
+) -> LandmarkSchedule:
+    """Schedule with every landmark in view at each station, for a sensor that has nothing to choose."""
+    seen = _seen_along(world, sensor, drive)
     landmarks = world.landmarks
-    n = len(landmarks)
-    index = np.where(seen, np.arange(n)[None, :], -1)
-    places = np.broadcast_to(landmarks.positions, (len(points), n, 2))
-    to = places - points[:, None, :]
-    variances = sensor.bearing_sigma**2 + landmarks.sigma**2 / np.maximum(np.sum(to**2, axis=2), 1e-12)
-    return LandmarkSchedule(index, places, np.where(seen, variances, np.nan))
+    positions, survey, n = landmarks.positions, landmarks.sigma**2, len(landmarks)
+    variances = np.full(seen.shape, np.nan)
+    indices = np.arange(n)
+    for k, (x, y, heading) in enumerate(drive.poses.tolist()):
+        at = np.array([x, y]) + sensor.mount.offset(heading)
+        kept = indices[seen[k]]
+        kept = kept[: in_view(at[0], at[1], len(kept), kept, positions, kernel_args(sensor, heading))]
+        axis = heading + sensor.mount.theta
+        variances[k, kept] = _bearing_variances(sensor, positions[kept] - at, axis, survey[kept])
+    index = np.where(np.isnan(variances), -1, indices[None, :])
+    places = np.broadcast_to(positions, (len(drive.times), n, 2))
+    return LandmarkSchedule(index, places, variances, sensor.mount)
+
+
+def _seen_along(world: World, sensor: Sensor, drive: Drive) -> BoolArray:
+    """Shape (K, N): landmarks visible from where the sensor is at each station."""
+    x, y, theta = drive.poses.T
+    m = sensor.mount
+    at = np.column_stack(
+        [x + np.cos(theta) * m.x - np.sin(theta) * m.y, y + np.sin(theta) * m.x + np.cos(theta) * m.y]
+    )
+    return visible_landmarks(world, at, min_range=sensor.min_range, max_range=sensor.max_range)
 
 
 def _bearing_variances(sensor: Sensor, to: FloatArray, axis: float, survey: FloatArray) -> FloatArray:
     """Variances (M,) of bearings along ``to`` (M, 2) with the optical axis at an azimuth, survey included."""
-    share = survey / np.sum(to * to, axis=1)
+    share = survey / np.sum(to * to, axis=1) + sensor.bearing_floor**2
     if isinstance(sensor, OmnidirectionalSensor):
         return np.asarray(sensor.bearing_sigma**2 + share)
     off_axis = np.arctan2(to[:, 1], to[:, 0]) - axis

@@ -79,6 +79,10 @@ class Mount:
         """Distance from the robot's centre, m."""
         return math.hypot(self.x, self.y)
 
+    def as_array(self) -> FloatArray:
+        """Shape (3,): x, y, theta."""
+        return np.array([self.x, self.y, self.theta])
+
     def offset(self, heading: float) -> tuple[float, float]:
         """From the robot's centre to the sensor, W, m, when the robot has this heading, rad."""
         c, s = math.cos(heading), math.sin(heading)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -12,12 +12,12 @@ from localization.camera import Camera
 from localization.covariance import CHI2_95
 from localization.errors import DegenerateGeometry, LocalizationError
 from localization.kernels.fix import triplet_fix
-from localization.sensors import OmnidirectionalSensor, Sensor, kernel_args
+from localization.ranking import LandmarkStatus, landmark_statuses
+from localization.sensors import CENTRE, Mount, OmnidirectionalSensor, Sensor, kernel_args
 from localization.triangulation import Fixes, FixStatus, triangulate, triangulate_columns
 from localization.triplets import best_triplet
 from maps.arrays import BoolArray, FloatArray, frozen
 from maps.se2 import wrap
-from maps.visibility import visible_landmarks
 from maps.world import World
 
 MAX_FIXES = 10_000_000
@@ -107,9 +107,11 @@ def simulate_fixes(
     """Measure a triplet n times with the sensor's noise and triangulate each measurement exactly.
 
     Noise is Gaussian: on bearings for an omnidirectional sensor, on image columns for a camera, whose axis
-    stands where the field puts it. Landmarks with a survey sigma stand beside their mapped place, anew for
-    each measurement. Noise may carry a column past the edge of the image; such a measurement counts like any
-    other, otherwise triplets that fill the view would look better than they are.
+    stands where the field puts it; a floor of the bearing's sigma is noise on the bearing for all of them.
+    Landmarks with a survey sigma stand beside their mapped place, anew for each measurement. The fix of a
+    sensor off the robot's centre is carried over to the centre. Noise may carry a column past the edge of the
+    image; such a measurement counts like any other, otherwise triplets that fill the view would look better
+    than they are.
 
     Parameters
     ----------
@@ -146,7 +148,9 @@ def simulate_fixes(
     pose = np.array([place[0], place[1], float(wrap(heading))])
     chosen = _chosen(world, sensor, pose, triplet)
     positions, survey = world.landmarks.positions, world.landmarks.sigma
-    fix = triplet_fix(pose[0], pose[1], *chosen, positions, survey**2, kernel_args(sensor, pose[2]))
+    # The sensor's own pose; the robot's follows from it.
+    at = np.append(place + sensor.mount.offset(heading), wrap(pose[2] + sensor.mount.theta))
+    fix = triplet_fix(at[0], at[1], *chosen, positions, survey**2, kernel_args(sensor, pose[2]))
     if math.isnan(fix[0]):
         names = ", ".join(world.landmarks.ids[i] for i in chosen)
         raise DegenerateGeometry(
@@ -158,12 +162,12 @@ def simulate_fixes(
     if sigma.any():
         stand = three + rng.normal(size=(n, 3, 2)) * sigma[:, None]
     pan = 0.0 if math.isnan(fix[4]) else fix[4]
-    axis = pose[2] + pan
-    true = _off_axis(three, pose, axis)
-    psi = _off_axis(stand, pose, axis)
-    share = sigma / np.hypot(*(three - place).T)
+    true = _off_axis(three, at, at[2] + pan)
+    psi = _off_axis(stand, at, at[2] + pan)
+    share = np.hypot(sigma / np.hypot(*(three - at[:2]).T), sensor.bearing_floor)
+    blur = rng.normal(0.0, sensor.bearing_floor, (n, 3)) if sensor.bearing_floor > 0 else 0.0
     if isinstance(sensor, OmnidirectionalSensor):
-        fixes = triangulate(psi + rng.normal(0.0, sensor.bearing_sigma, (n, 3)), three)
+        fixes = triangulate(psi + rng.normal(0.0, sensor.bearing_sigma, (n, 3)) + blur, three)
         spread = np.hypot(sensor.bearing_sigma, share)
     else:
         camera = Camera(sensor.focal_px)
@@ -171,16 +175,42 @@ def simulate_fixes(
         behind = np.cos(psi) <= 1e-12
         columns = camera.columns(np.where(behind, 0.0, psi))
         columns = np.where(behind, np.nan, columns) + rng.normal(0.0, sensor.column_sigma_px, (n, 3))
-        fixes = triangulate_columns(columns, three, camera, pan=pan)
+        if sensor.bearing_floor > 0:
+            fixes = triangulate(
+                np.arctan((camera.principal_px - columns) / camera.focal_px) + blur + pan, three
+            )
+        else:
+            fixes = triangulate_columns(columns, three, camera, pan=pan)
         spread = np.hypot(camera.bearing_sigma(camera.columns(true), sensor.column_sigma_px), share)
     predicted = triangulate(true + pan, three, sigma=spread)
     if predicted.covariance is None or not predicted.ok[0]:
         raise DegenerateGeometry(f"The triplet is too close to degenerate at ({pose[0]:g}, {pose[1]:g}) m.")
-    return FixCloud(pose, chosen, three, fix[4], fixes, predicted.covariance[0])
+    covariance = predicted.covariance[0]
+    if sensor.mount != CENTRE:
+        fixes, covariance = _of_robot(fixes, sensor.mount), _covariance_of_robot(covariance, at, pose)
+    return FixCloud(pose, chosen, three, fix[4], fixes, covariance)
+
+
+def _of_robot(fixes: Fixes, mount: Mount) -> Fixes:
+    """Fixes of the robot's pose from those of the sensor's."""
+    pose = fixes.pose.copy()
+    theta = pose[:, 2] - mount.theta
+    c, s = np.cos(theta), np.sin(theta)
+    pose[:, 0] -= c * mount.x - s * mount.y
+    pose[:, 1] -= s * mount.x + c * mount.y
+    pose[:, 2] = wrap(theta)
+    return replace(fixes, pose=pose)
+
+
+def _covariance_of_robot(covariance: FloatArray, sensor_pose: FloatArray, pose: FloatArray) -> FloatArray:
+    """Covariance (3, 3) of the robot's pose: the lever arm turns with the heading's error."""
+    ox, oy = sensor_pose[:2] - pose[:2]
+    jacobian = np.array([[1.0, 0.0, oy], [0.0, 1.0, -ox], [0.0, 0.0, 1.0]])
+    return np.asarray(jacobian @ covariance @ jacobian.T)
 
 
 def _off_axis(landmarks: FloatArray, pose: FloatArray, axis: float) -> FloatArray:
-    """Bearings (..., 3) of landmarks (..., 3, 2) off an axis, rad."""
+    """Bearings (..., 3) of landmarks (..., 3, 2) off an axis at azimuth ``axis``, rad."""
     d = landmarks - pose[:2]
     return wrap(np.arctan2(d[..., 1], d[..., 0]) - axis)
 
@@ -200,8 +230,10 @@ def _chosen(
     if len(set(triplet)) != 3 or not all(0 <= i < count for i in triplet):
         raise LocalizationError(f"Triplet is {triplet}; give three different numbers from 0 to {count - 1}.")
     i, j, k = (int(t) for t in triplet)
-    seen = visible_landmarks(world, place[None], min_range=sensor.min_range, max_range=sensor.max_range)[0]
-    hidden = [world.landmarks.ids[t] for t in (i, j, k) if not seen[t]]
-    if hidden:
-        raise DegenerateGeometry(f"Landmarks {', '.join(hidden)} cannot be seen from {where}.")
+    at = place + sensor.mount.offset(float(pose[2]))
+    statuses = landmark_statuses(world, sensor, at, float(pose[2]))
+    out = [t for t in (i, j, k) if statuses[t] is not LandmarkStatus.MEASURABLE]
+    if out:
+        names = ", ".join(f"{world.landmarks.ids[t]} ({statuses[t].value.replace('_', ' ')})" for t in out)
+        raise DegenerateGeometry(f"Landmarks cannot be seen from {where}: {names}.")
     return i, j, k

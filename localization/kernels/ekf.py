@@ -90,17 +90,25 @@ def predict(mean, P, distance, turn, noise):
 
 
 @njit(cache=True, nogil=True)
-def bearing_row(pose, lx, ly, h):
-    """Predicted bearing of a landmark from ``pose`` (3,), rad, gradient into ``h`` (3,). NaN at a touch."""
-    dx = lx - pose[0]
-    dy = ly - pose[1]
+def bearing_row(pose, mount, lx, ly, h):
+    """Predicted bearing of a landmark, rad, gradient into ``h`` (3,). NaN at a touch.
+
+    ``pose`` (3,) of the robot in W, ``mount`` (3,) of the sensor on the robot.
+    """
+    c = math.cos(pose[2])
+    s = math.sin(pose[2])
+    ox = c * mount[0] - s * mount[1]
+    oy = s * mount[0] + c * mount[1]
+    dx = lx - pose[0] - ox
+    dy = ly - pose[1] - oy
     r2 = dx * dx + dy * dy
     if not r2 >= TOUCH_M * TOUCH_M:
         return np.nan
     h[0] = dy / r2
     h[1] = -dx / r2
-    h[2] = -1.0
-    return wrapped(math.atan2(dy, dx) - pose[2])
+    # A turn also moves a sensor off the centre.
+    h[2] = h[1] * ox - h[0] * oy - 1.0
+    return wrapped(math.atan2(dy, dx) - pose[2] - mount[2])
 
 
 @njit(cache=True, nogil=True)
@@ -177,8 +185,12 @@ def update_rows(mean, P, rows, innovations, variances, accepted):
 
 
 @njit(cache=True, nogil=True)
-def update_bearings(mean, P, bearings, landmarks, variances, survey, gate, innovations, normalised, accepted):
+def update_bearings(
+    mean, P, mount, bearings, landmarks, variances, survey, gate, innovations, normalised, accepted
+):
     """Update in place with bearings (m,) of landmarks (m, 2), variances (m,) rad² and of the survey (m,) m².
+
+    ``mount`` (3,) is the sensor's pose on the robot.
 
     A bearing counts if its innovation² over its predicted variance is at most ``gate`` (a χ² quantile with
     one degree of freedom; inf: every one) and its landmark is not touched. Outputs (m,): innovation (rad),
@@ -188,14 +200,14 @@ def update_bearings(mean, P, bearings, landmarks, variances, survey, gate, innov
     rows = np.zeros((m, 3))
     total = np.empty(m)
     for i in range(m):
-        expected = bearing_row(mean, landmarks[i, 0], landmarks[i, 1], rows[i])
+        expected = bearing_row(mean, mount, landmarks[i, 0], landmarks[i, 1], rows[i])
         accepted[i] = False
         innovations[i] = np.nan
         normalised[i] = np.nan
         if math.isnan(expected) or math.isnan(bearings[i]):
             continue
         innovations[i] = wrapped(bearings[i] - expected)
-        # |q| = 1 / r
+        # |q| = 1 / r, and the first two of a row are q
         total[i] = variances[i] + survey[i] * (rows[i, 0] ** 2 + rows[i, 1] ** 2)
         normalised[i] = innovations[i] ** 2 / innovation_variance(P, rows[i], total[i])
         accepted[i] = normalised[i] <= gate
@@ -229,6 +241,7 @@ def filter_log(
     """
     t = 0
     unused = np.empty(bearings.shape[0])
+    centre = np.zeros(3)
     for s in range(scan_step.shape[0]):
         while t < scan_step[s]:
             predict(mean, P, distances[t], turns[t], noise)
@@ -238,6 +251,7 @@ def filter_log(
         update_bearings(
             mean,
             P,
+            centre,
             bearings[a:b],
             landmarks[a:b],
             variances[a:b],

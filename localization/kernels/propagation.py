@@ -12,13 +12,13 @@ from localization.kernels.ekf import bearing_row, predict, update_scalar
 
 @njit(cache=True, nogil=True)
 def covariances_along(
-    poses, distances, turns, noise, places, variances, is_fix, P, out_P, out_used, out_blind
+    poses, distances, turns, noise, mount, places, variances, is_fix, P, out_P, out_used, out_blind
 ):
     """Covariances at poses (K, 3) reached by distances and turns (K-1,), from ``P`` (3, 3), which changes.
 
-    ``places`` (K, M, 2) of landmarks with ``variances`` (K, M) of their bearings, rad², NaN for none; where
-    ``is_fix`` (K,) and three or more are there, they update. Outputs: (K, 3, 3), bearings used (K,), metres
-    driven since the last fix (K,).
+    ``mount`` (3,) of the sensor on the robot, ``places`` (K, M, 2) of landmarks with ``variances`` (K, M) of
+    their bearings, rad², NaN for none; where ``is_fix`` (K,) and three or more are there, they update.
+    Outputs: (K, 3, 3), bearings used (K,), metres driven since the last fix (K,).
     """
     n_poses, m = variances.shape
     mean = np.empty(3)
@@ -35,7 +35,7 @@ def covariances_along(
         if is_fix[k]:
             for i in range(m):
                 if variances[k, i] > 0.0 and not math.isnan(
-                    bearing_row(mean, places[k, i, 0], places[k, i, 1], h)
+                    bearing_row(mean, mount, places[k, i, 0], places[k, i, 1], h)
                 ):
                     used += 1
             if used < 3:
@@ -43,7 +43,7 @@ def covariances_along(
         if used > 0:
             for i in range(m):
                 if variances[k, i] > 0.0 and not math.isnan(
-                    bearing_row(mean, places[k, i, 0], places[k, i, 1], h)
+                    bearing_row(mean, mount, places[k, i, 0], places[k, i, 1], h)
                 ):
                     update_scalar(offset, P, h, 0.0, variances[k, i])
             blind = 0.0

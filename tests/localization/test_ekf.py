@@ -14,6 +14,7 @@ from localization.errors import LocalizationError
 from localization.kernels import ekf as kernel
 from localization.kernels.fix import information_covariance
 from localization.motion import OdometryModel, move
+from localization.sensors import Mount
 from maps.se2 import wrap
 from tests.oracles import kalman_update, numeric_jacobian
 
@@ -34,7 +35,7 @@ def bearings_from(pose, landmarks=LANDMARKS):
 def rows_at(pose, landmarks=LANDMARKS):
     rows = np.empty((len(landmarks), 3))
     for row, (x, y) in zip(rows, landmarks, strict=True):
-        kernel.bearing_row(np.asarray(pose), x, y, row)
+        kernel.bearing_row(np.asarray(pose), np.zeros(3), x, y, row)
     return rows
 
 
@@ -249,3 +250,25 @@ def test_filter_is_consistent_along_simulated_drives(with_fix):
     mean = nees.mean(axis=0)
     assert np.mean((mean > low) & (mean < high)) >= 0.95
     assert np.mean(nees < chi2.ppf(0.95, 3)) == pytest.approx(0.95, abs=0.015)
+
+
+def test_bearings_of_a_mounted_sensor(rng):
+    mount = Mount(0.5, -0.3, 0.7)
+    landmarks = rng.uniform(-6, 6, (6, 2))
+    pose = np.array([0.4, -0.2, 0.3])
+    at = pose[:2] + mount.offset(pose[2])
+    d = landmarks - at
+    z = wrap(np.arctan2(d[:, 1], d[:, 0]) - pose[2] - mount.theta)
+    row = np.empty(3)
+    for m in landmarks:
+        kernel.bearing_row(pose, mount.as_array(), m[0], m[1], row)
+        numeric = numeric_jacobian(
+            lambda q, m=m: np.array([kernel.bearing_row(q, mount.as_array(), m[0], m[1], np.empty(3))]), pose
+        )
+        np.testing.assert_allclose(row, numeric[0], atol=1e-8)
+    belief = PoseBelief(pose + np.array([0.1, -0.05, 0.02]), np.diag([0.04, 0.04, 0.01]))
+    for _ in range(5):
+        belief = update_with_bearings(belief, z, landmarks, sigma=1e-3, mount=mount).posterior
+    np.testing.assert_allclose(belief.mean, pose, atol=1e-3)
+    off = update_with_bearings(PoseBelief(pose, np.eye(3) * 1e-4), z, landmarks, sigma=1e-3).innovations
+    assert np.abs(off).max() > 0.1

@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 
 from localization.errors import LocalizationError
+from localization.method import FieldMethod
+from localization.motion import OdometryModel
+from localization.propagation import propagate
 from localization.schedule import (
     Drive,
     LandmarkSchedule,
@@ -16,8 +19,10 @@ from localization.schedule import (
     drive_along,
     schedule_of_triplets,
 )
-from localization.sensors import LASER, PinholePanSensor
-from localization.triplets import best_triplet
+from localization.sensors import LASER, Mount, OmnidirectionalSensor, PinholeFixedSensor, PinholePanSensor
+from localization.tiles import compute_tile
+from localization.triplets import best_triplet, pack_masks
+from maps.visibility import visible_landmarks
 from tests.worlds import world_from_ascii
 
 HALL = """
@@ -115,3 +120,48 @@ def test_impossible_values_are_refused():
         schedule_of_triplets(
             Drive(np.zeros((1, 3)), np.zeros(1)), [[0, 1, 7]], world_from_ascii(HALL).landmarks, LASER
         )
+
+
+@pytest.mark.parametrize(
+    "sensor",
+    [
+        PinholeFixedSensor(1.8, 512.0, 5.0, bearing_floor=0.003, mount=Mount(0.3, -0.2, 0.5)),
+        OmnidirectionalSensor(0.01, mount=Mount(0.5, 0.1), muted=((2.0, -2.0),)),
+    ],
+)
+def test_schedules_of_mounted_sensors_give_the_covariance_of_the_robot(sensor):
+    world = world_from_ascii(HALL)
+    drive = drive_along([[1.2, 1.2], [4.0, 1.2], [4.0, 3.0]], speed=1.0, spacing=0.4)
+    odometry = OdometryModel(1e-4, 1e-4, 1e-4, 1e-4)
+    huge = np.diag([1e6, 1e6, 1e4])
+    best, everything = best_triplet_schedule(world, sensor, drive), all_visible_schedule(world, sensor, drive)
+    fixes = 0
+    for k, (x, y, heading) in enumerate(drive.poses):
+        choice = best_triplet(world, sensor, [x, y], heading=heading)
+        assert (choice is None) == bool((best.landmarks[k] == -1).any())
+        if choice is None:
+            continue
+        fixes += 1
+        one = Drive(np.array([[x, y, heading]] * 2), np.array([0.0, 1.0]))
+        belief = []
+        for s in (best, everything):
+            twice = LandmarkSchedule(s.landmarks[[k, k]], s.places[[k, k]], s.variances[[k, k]], s.mount)
+            belief.append(propagate(one, twice, huge, odometry=odometry).covariance[1])
+        P = belief[0]
+        np.testing.assert_allclose([P[0, 0], P[0, 1], P[1, 1]], choice.covariance, rtol=1e-4, atol=1e-9)
+        assert math.sqrt(P[2, 2]) == pytest.approx(choice.sigma_theta, rel=1e-4)
+        assert np.linalg.eigvalsh(P - belief[1]).min() > -1e-7
+        method = FieldMethod("all_visible")
+        seen = visible_landmarks(world, np.array([[x, y]]) + sensor.mount.offset(heading))
+        tile = compute_tile(
+            world,
+            sensor,
+            np.array([[[x, y]]]),
+            np.ones((1, 1), dtype=bool),
+            pack_masks(seen)[None],
+            heading=heading,
+            method=method,
+        )
+        Q = belief[1]
+        np.testing.assert_allclose([Q[0, 0], Q[0, 1], Q[1, 1]], tile.covariance[0, 0], rtol=1e-4, atol=1e-9)
+    assert fixes > 3

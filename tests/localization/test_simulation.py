@@ -10,7 +10,7 @@ import pytest
 
 from localization import covariance as cov
 from localization.errors import DegenerateGeometry, LocalizationError
-from localization.sensors import LASER, MAS97_CAMERA, OmnidirectionalSensor
+from localization.sensors import FORWARD_CAMERA, LASER, MAS97_CAMERA, Mount, OmnidirectionalSensor
 from localization.simulation import FixCloud, simulate_fixes
 from localization.triangulation import FixStatus, triangulate
 from localization.triplets import best_triplet
@@ -136,7 +136,7 @@ def test_headings_wrap(rng):
         (
             {"sensor": replace(LASER, max_range=7.0), "triplet": (0, 1, 2)},
             DegenerateGeometry,
-            "m2 cannot be seen",
+            r"cannot be seen .* m2 \(too far\)",
         ),
         ({"sensor": replace(LASER, max_range=1.0)}, DegenerateGeometry, "No triplet gives a fix"),
         ({"sensor": MAS97_CAMERA, "triplet": (0, 1, 2)}, DegenerateGeometry, "not fit into the view"),
@@ -202,3 +202,29 @@ def test_a_cloud_across_the_danger_circle_has_failures(rng):
     assert cloud.failures > 100
     assert cloud.fixes.count(FixStatus.NO_POSE) + cloud.fixes.count(FixStatus.DEGENERATE) == cloud.failures
     assert cloud.share_inside < 0.2
+
+
+@pytest.mark.parametrize(
+    "sensor",
+    [
+        replace(LASER, bearing_sigma=0.004, mount=Mount(0.6, -0.3, 2.0)),
+        replace(LASER, bearing_sigma=0.003, bearing_floor=0.004, muted=((2.9, -2.9),)),
+        replace(FORWARD_CAMERA, field_of_view=1.8, mount=Mount(0.4, 0.2, -0.3)),
+        replace(MAS97_CAMERA, bearing_floor=0.01, mount=Mount(-0.5, 0.0, 1.0)),
+    ],
+)
+def test_mounted_and_fixed_sensors_scatter_as_predicted(sensor, rng):
+    world = room([[12.0, 6.0], [10.5, 9.5], [13.0, 3.0], [9.0, 5.0], [11.0, 7.5]])
+    cloud = simulate_fixes(world, sensor, (6.0, 5.5), heading=0.3, n=20_000, rng=rng)
+    best = best_triplet(world, sensor, (6.0, 5.5), heading=0.3)
+    np.testing.assert_allclose(flat(cloud.predicted), best.covariance, rtol=1e-9)
+    assert math.sqrt(cloud.predicted[2, 2]) == pytest.approx(best.sigma_theta, rel=1e-9)
+    assert cloud.share_inside == pytest.approx(best.validity, abs=0.006)
+    np.testing.assert_allclose(flat(cloud.sample_covariance), best.covariance, rtol=0.12, atol=2e-5)
+    # Heading and position are told apart by the lever arm: their correlation is predicted, too.
+    np.testing.assert_allclose(
+        cloud.sample_covariance[2, :2],
+        cloud.predicted[2, :2],
+        rtol=0.2,
+        atol=0.05 * math.sqrt(cloud.predicted[2, 2] * cloud.predicted[:2, :2].max()),
+    )

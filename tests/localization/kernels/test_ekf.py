@@ -69,11 +69,13 @@ def test_rows_one_by_one_are_the_joint_update(rng):
 def test_survey_adds_its_share(rng):
     mean, P = np.array([3.0, 3.0, 0.2]), covariance(rng)
     h = np.empty((4, 3))
-    z = np.array([ekf.bearing_row(mean, x, y, row) for (x, y), row in zip(PLACES, h, strict=True)])
+    z = np.array(
+        [ekf.bearing_row(mean, np.zeros(3), x, y, row) for (x, y), row in zip(PLACES, h, strict=True)]
+    )
     total = 1e-4 + 0.05**2 / np.sum((PLACES - mean[:2]) ** 2, axis=1)
     _, expected = kalman_update(mean, P, np.zeros(4), h, np.diag(total))
     out = np.empty(4), np.empty(4), np.empty(4, dtype=np.bool_)
-    ekf.update_bearings(mean, P, z, PLACES, np.full(4, 1e-4), np.full(4, 0.05**2), np.inf, *out)
+    ekf.update_bearings(mean, P, np.zeros(3), z, PLACES, np.full(4, 1e-4), np.full(4, 0.05**2), np.inf, *out)
     np.testing.assert_allclose(P, expected, atol=1e-12)
     assert out[2].all()
 
@@ -99,7 +101,9 @@ def test_a_log_is_its_steps_one_after_the_other(rng):
         part = slice(offsets[s], offsets[s + 1])
         n = offsets[s + 1] - offsets[s]
         out = np.empty(n), np.empty(n), np.empty(n, dtype=np.bool_)
-        ekf.update_bearings(mean, P, z[part], places[part], variances[part], survey[part], 50.0, *out)
+        ekf.update_bearings(
+            mean, P, np.zeros(3), z[part], places[part], variances[part], survey[part], 50.0, *out
+        )
         np.testing.assert_array_equal(out_mean[s], mean)
         np.testing.assert_array_equal(out_P[s], P)
         np.testing.assert_array_equal(accepted[part], out[2])

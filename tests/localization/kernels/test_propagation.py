@@ -31,7 +31,9 @@ def test_agrees_with_the_slow_twin(rng):
         (0.03, 0.05, 0.02, 0.01),
         [[(PLACES[i], 0.01) for i in np.flatnonzero(seen[k] & is_fix[k])] for k in range(n)],
     )
-    covariances_along(poses, distances, turns, noise, places, variances, is_fix, P, out_P, used, blind)
+    covariances_along(
+        poses, distances, turns, noise, np.zeros(3), places, variances, is_fix, P, out_P, used, blind
+    )
     np.testing.assert_allclose(out_P, expected, rtol=1e-5, atol=1e-10)
     fixed = is_fix & (seen.sum(axis=1) >= 3)
     np.testing.assert_array_equal(used, np.where(fixed, seen.sum(axis=1), 0))
