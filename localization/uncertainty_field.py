@@ -21,8 +21,8 @@ from maps.world import World
 #: Changes when the same world, sensor and parameters would give other numbers or another layout.
 FIELD_FORMAT = 2
 
-#: Predicted share of fixes in the 95 % ellipse below which a cell counts as one without a fix: from about
-#: there on, one measurement in twenty gives no fix at all.
+#: Predicted share of fixes in the 95 % ellipse below which a cell counts as one without a fix: there, cells
+#: begin in which more than one measurement in twenty gives none, so that no radius holds 95 %.
 USABLE_SHARE = 0.85
 
 METRICS: dict[str, tuple[str, str]] = {
@@ -137,9 +137,8 @@ class UncertaintyField:
 
         Where first order fails and the predicted share p is at least ``USABLE_SHARE``, the ellipse's area is
         enlarged by ``(ln 0.05 / ln (1 - p))²`` (a Gaussian that leaves out so much would need the root of
-        that factor; simulated fixes, whose tails are heavier, need up to the whole). Below, more than one
-        measurement in twenty leads anywhere or nowhere: no fix. Such cells have no validity. A field that is
-        valid everywhere is returned as it is.
+        that factor; simulated fixes, whose tails are heavier, need up to the whole). Below there is no fix
+        to count on. Such cells have no validity. A field that is valid everywhere is returned as it is.
         """
         doubtful = self.has_fix & ~self.is_valid
         if not doubtful.any():
