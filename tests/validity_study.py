@@ -14,7 +14,7 @@ from numba import njit
 from localization.field_builder import build_field
 from localization.kernels.coverage import NOMINAL_SHARE, VALID_TOLERANCE
 from localization.kernels.share import triplet_share
-from localization.sensors import FORWARD_CAMERA, LASER, MAS97_CAMERA, kernel_args
+from localization.sensors import FORWARD_CAMERA, LASER, MAS97_CAMERA, Mount, kernel_args
 from localization.simulation import simulate_fixes
 from localization.validity import MAX_DEVIATION, coverage_study
 from maps.io.site import bundled_site, bundled_site_names
@@ -37,6 +37,8 @@ SENSORS = [
         0.02,
     ),
     ("forward (fixed)", FORWARD_CAMERA, 0.0),
+    ("laser, 1 m off the centre", replace(LASER, mount=Mount(1.0, 0.0, 0.0)), 0.0),
+    ("mas97, 1 m off the centre", replace(MAS97_CAMERA, mount=Mount(1.0, 0.0, 0.0)), 0.0),
 ]
 
 TEXT = """# How true the ellipses are
@@ -79,8 +81,8 @@ Time of one predicted share, over all cells with a fix of each field, processor 
 
 ## What the number does not say
 
-- It judges the sensor's own position. With a lever arm to the robot's centre the heading's error adds to the ellipse; how
-  that part bends is not judged.
+- It judges the sensor's own position. With a lever arm to the robot's centre the heading's error adds to the ellipse, and how
+  that part bends is not judged: see the rows "off the centre", whose simulated shares are of the robot's centre.
 - Survey errors count as noise of the bearing, σ_m / r; their own second order is left out. {survey}
 - A share near 0.95 says that the ellipse holds as many fixes as it claims, not that their density inside is Gaussian.
 - It is the share of the *chosen* triplet under Gaussian noise. Outliers and biases of real sensors are another matter:
