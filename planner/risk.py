@@ -1,0 +1,134 @@
+"""Collision probability of a disc from the covariance of its place and the exact clearance around it."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from maps.arrays import BoolArray, FloatArray, frozen
+from maps.clearance import TOUCH_M, ClearanceIndex
+from planner.errors import InvalidProblem
+from planner.kernels.risk import bounds_at, too_risky
+
+#: Sectors of the direction-aware bound where it is reported, and where cells are sorted out.
+REPORTED_SECTORS = 128
+_MASK_SECTORS = 64
+_ROWS_PER_TASK = 4096
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CollisionRisk:
+    """Bounds on the probability that the robot touches something, per place.
+
+    Attributes
+    ----------
+    rigorous
+        Shape (N,): ``exp(-c² / (2 λ_max))`` with c the clearance beyond the robot's radius (MATH §8); holds
+        whatever the direction of the error. NaN without a covariance.
+    tight
+        Shape (N,): the smaller of that and the direction-aware bound (see ``planner.kernels.risk``), which
+        is as rigorous.
+    """
+
+    rigorous: FloatArray
+    tight: FloatArray
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "rigorous", frozen(self.rigorous))
+        object.__setattr__(self, "tight", frozen(self.tight))
+
+
+def collision_risk(
+    clearance: ClearanceIndex, points: npt.ArrayLike, covariances: npt.ArrayLike, radius: float
+) -> CollisionRisk:
+    """Bounds on the collision probability of a disc at each of some places.
+
+    Parameters
+    ----------
+    clearance
+        Of the floor.
+    points
+        Shape (N, 2): expected places of the centre, W, m.
+    covariances
+        Shape (N, 3): xx, xy, yy of its error, m²; NaN where unknown.
+    radius
+        Of the disc, m.
+
+    Raises
+    ------
+    InvalidProblem
+        If the shapes do not fit.
+    """
+    p = np.ascontiguousarray(points, dtype=np.float64)
+    c = np.ascontiguousarray(covariances, dtype=np.float64)
+    if p.ndim != 2 or p.shape[1] != 2 or c.shape != (len(p), 3):
+        raise InvalidProblem(f"Points {p.shape} and covariances {c.shape}; give (N, 2) and (N, 3).")
+    rigorous, sector = np.empty(len(p)), np.empty(len(p))
+    inside = np.asarray(clearance.distance(p)) > 0
+    bounds_at(p, c, max(radius, TOUCH_M), REPORTED_SECTORS, rigorous, sector, *clearance.arrays)
+    for bound in (rigorous, sector):
+        bound[~inside & ~np.isnan(bound)] = 1.0
+    return CollisionRisk(rigorous, np.minimum(rigorous, sector))
+
+
+def risky_cells(
+    clearance: ClearanceIndex,
+    centres: FloatArray,
+    centre_clearance: FloatArray,
+    covariances: FloatArray,
+    *,
+    radius: float,
+    limit: float,
+    threads: int | None = None,
+) -> BoolArray:
+    """Cells at whose centre the collision probability may exceed a limit.
+
+    Parameters
+    ----------
+    clearance
+        Of the floor.
+    centres
+        Shape (ny, nx, 2), W, m.
+    centre_clearance
+        Shape (ny, nx): clearance of the centres, m; 0 where they are not free.
+    covariances
+        Shape (ny, nx, 3): xx, xy, yy, m²; NaN where unknown, there nothing is said (False).
+    radius
+        Of the robot's disc, m.
+    limit
+        Probability per pose.
+    threads
+        Default: one per core. The result does not depend on it.
+
+    Raises
+    ------
+    InvalidProblem
+        If the limit is not between 0 and 1.
+    """
+    if not 0 < limit < 1:
+        raise InvalidProblem(
+            f"The limit of the collision probability is {limit}; it must be between 0 and 1."
+        )
+    free = np.flatnonzero(centre_clearance.ravel() > 0)
+    points = np.ascontiguousarray(centres.reshape(-1, 2)[free])
+    known = np.ascontiguousarray(centre_clearance.ravel()[free])
+    c = np.ascontiguousarray(covariances.reshape(-1, 3)[free])
+    risky = np.zeros(len(free), dtype=np.bool_)
+    need = max(radius, TOUCH_M)
+
+    def work(first: int) -> None:
+        part = slice(first, first + _ROWS_PER_TASK)
+        too_risky(
+            points[part], known[part], c[part], need, limit, _MASK_SECTORS, risky[part], *clearance.arrays
+        )
+
+    workers = max(1, threads or os.cpu_count() or 1)
+    with ThreadPoolExecutor(workers) as pool:
+        list(pool.map(work, range(0, len(free), _ROWS_PER_TASK)))
+    out = np.zeros(centre_clearance.shape, dtype=np.bool_)
+    out.ravel()[free[risky]] = True
+    return out
