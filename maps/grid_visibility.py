@@ -232,6 +232,15 @@ def grid_visible(
     return out
 
 
+def scene_arrays(
+    floor: OccupancyGrid, landmarks: LandmarkSet
+) -> tuple[BoolArray, BoolArray, IntArray, int, IntArray, FloatArray, IntArray, IntArray, float]:
+    """What ``see_points`` takes of a floor and its landmarks, and the largest lattice coordinate."""
+    s = _Scene.of(floor, landmarks)
+    limit = float(_LATTICE_LIMIT)
+    return floor.opaque, s.windows, s.states, s.shift, s.places, s.places_m, s.modes, s.forms, limit
+
+
 def buried_landmarks(floor: OccupancyGrid, landmarks: LandmarkSet) -> BoolArray:
     """Shape (N,): landmarks deeper than 1.2 cells inside opaque cells, which can be seen from nowhere."""
     return np.asarray(_Scene.of(floor, landmarks).states == BURIED)

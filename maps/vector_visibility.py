@@ -233,6 +233,25 @@ def vector_visible(
     return out
 
 
+def scene_arrays(
+    plan: FloorPlan, landmarks: LandmarkSet
+) -> tuple[IntArray, IntArray, FloatArray, BoolArray, IntArray, FloatArray, FloatArray, float, IntArray]:
+    """What ``see_points`` takes of a plan and its landmarks; corner, unit and extent of the lattice."""
+    s = _Scene.of(plan, landmarks)
+    grid = s.lattice
+    return (
+        grid.edges,
+        s.places,
+        s.places_m,
+        s.hidden,
+        s.cones,
+        s.spans,
+        grid.corner,
+        grid.per_metre,
+        grid.extent,
+    )
+
+
 def buried_landmarks(plan: FloorPlan, landmarks: LandmarkSet) -> BoolArray:
     """Shape (N,): landmarks deeper than 0.1 m inside walls or outside the floor: seen from nowhere."""
     return _Scene.of(plan, landmarks).hidden
