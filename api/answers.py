@@ -26,7 +26,9 @@ class Problem(Answer):
     errors: list[dict[str, str]] = Field(
         description="Places: pointer (JSON pointer into the body) or parameter, and detail."
     )
-    hint: dict[str, Any] = Field(description="What would help, such as nearest_free or job.")
+    hint: dict[str, Any] = Field(
+        description="What would help: nearest_free; job to wait for; order, a body for POST /v1/fields."
+    )
     limit: float | None
     requested: float | None
     setting: str | None = Field(description="Environment variable that moves the limit.")
@@ -130,12 +132,14 @@ class FieldOrdered(Answer):
 class UncertaintyField(Answer):
     """A field."""
 
-    field: str = Field(description="Id: f_ and a hash of map, sensor, grid and heading.")
+    field: str = Field(description="Id: f_ and a hash of map, sensor, grid, heading and method.")
     map: str
     status: str = Field(description="running, ready or failed.")
     sensor: dict[str, Any] = Field(description="In rad; what POST /v1/fields takes.")
     resolution_m: float
     heading_rad: float
+    estimator: str = Field(description="best_triplet or all_visible.")
+    criterion: str = Field(description="area, max_axis or trace.")
     origin: dict[str, float] = Field(description="Outer corner of cell (0, 0) and yaw of the grid.")
     shape: Shape
     bounds: Bounds

@@ -100,6 +100,8 @@ def field_to_json(record: FieldRecord) -> dict[str, Any]:
         "sensor": sensor_to_json(record.sensor),
         "resolution_m": frame.resolution,
         "heading_rad": record.heading,
+        "estimator": record.estimator,
+        "criterion": record.criterion,
         "origin": {"x_m": frame.origin_x, "y_m": frame.origin_y, "yaw_rad": frame.yaw},
         "shape": {"rows": frame.n_rows, "columns": frame.n_cols},
         "bounds": bounds_to_json(frame.bounds()),
@@ -111,6 +113,18 @@ def field_to_json(record: FieldRecord) -> dict[str, Any]:
         "created": rfc3339(record.created),
         "ended": rfc3339(record.ended),
         "links": links,
+    }
+
+
+def order_to_json(record: FieldRecord) -> dict[str, Any]:
+    """The body of ``POST /v1/fields`` that asks for a field like this one."""
+    return {
+        "map": record.map_id,
+        "sensor": sensor_to_json(record.sensor),
+        "resolution_m": record.resolution,
+        "heading_rad": record.heading,
+        "estimator": record.estimator,
+        "criterion": record.criterion,
     }
 
 

@@ -138,7 +138,7 @@ class Problem:
     errors
         Places in the request: ``{"pointer": "#/goal", "detail": …}`` or ``{"parameter": …, …}``.
     hint
-        What would help: ``nearest_free``, ``job``.
+        What would help: ``nearest_free``; ``job`` to wait for; ``order``, a body for ``POST /v1/fields``.
     limit, requested, setting
         The limit that is exceeded, by what, and the setting that moves it.
     headers
@@ -187,6 +187,8 @@ class Problem:
             more["hint"] = {"nearest_free": {"x_m": free[0], "y_m": free[1]}}
         if (job := getattr(error, "job", None)) is not None:
             more["hint"] = {"job": f"/v1/jobs/{job}"}
+        if (order := getattr(error, "order", None)) is not None:
+            more["hint"] = {**more.get("hint", {}), "order": order}
         return cls.of_code(code, detail, **more)
 
     @property

@@ -12,6 +12,7 @@ from api.store import FieldRecord, JobRecord, JobStatus, Store, StoreUnavailable
 from api.worker_process import WorkerError
 from api.workers import FieldOrder, TaskCrashed, WorkerPool
 from localization.errors import Cancelled
+from localization.method import BEST_AREA, FieldMethod
 from localization.sensors import Sensor
 from maps.errors import SurepathError
 from maps.world import World
@@ -70,7 +71,13 @@ class JobRunner:
                 thread.join(max(0.0, ends_at - time.monotonic()))
 
     def submit_field(
-        self, map_id: str, sensor: Sensor, resolution: float, heading: float = 0.0
+        self,
+        map_id: str,
+        sensor: Sensor,
+        resolution: float,
+        heading: float = 0.0,
+        *,
+        method: FieldMethod = BEST_AREA,
     ) -> tuple[FieldRecord, JobRecord | None]:
         """Ask for a field; the same content is never computed twice.
 
@@ -78,7 +85,7 @@ class JobRunner:
         ----------
         map_id
             Of a stored map.
-        sensor, resolution, heading
+        sensor, resolution, heading, method
             As of :func:`localization.field_builder.build_field`: m, rad.
 
         Returns
@@ -102,7 +109,7 @@ class JobRunner:
         world = self._store.world(map_id)
         world.require_triangulation()
         self._require_size(world, resolution)
-        found = self._store.add_field_request(map_id, sensor, resolution, heading)
+        found = self._store.add_field_request(map_id, sensor, resolution, heading, method=method)
         with self._changed:
             self._news = True
             self._changed.notify_all()
@@ -189,6 +196,7 @@ class JobRunner:
                 sensor=field.sensor,
                 resolution=field.resolution,
                 heading=field.heading,
+                method=field.method,
                 threads=self._settings.workers,
                 max_cells=self._settings.max_field_cells,
             )

@@ -18,7 +18,7 @@ from api.lru import LruCache
 from api.settings import Settings
 from api.store_files import disk
 from api.store_records import StorageFull, StoreUnavailable
-from localization.uncertainty_field import UncertaintyField
+from localization.uncertainty_field import LAYERS, UncertaintyField
 from maps.floor_plan import FloorPlan
 from maps.world import World
 
@@ -141,8 +141,7 @@ def _world_bytes(world: World) -> int:
 
 
 def _field_bytes(field: UncertaintyField) -> int:
-    arrays = (field.free, field.covariance, field.sigma_theta, field.triplet, field.pan, field.n_visible)
-    return sum(a.nbytes for a in arrays)
+    return field.free.nbytes + sum(int(getattr(field, name).nbytes) for name in LAYERS)
 
 
 def now() -> float:

@@ -10,6 +10,7 @@ from typing import Any
 import sqlalchemy as sa
 
 from api import store_schema as db
+from api.codec_records import order_to_json
 from api.store_base import JOBS_KEPT_S, now, plain
 from api.store_files import move, read_field, remove, remove_all_but
 from api.store_maps import MapShelf
@@ -24,13 +25,15 @@ from api.store_records import (
     StoreUnavailable,
 )
 from localization.errors import FieldFormatError
+from localization.method import BEST_AREA, FieldMethod
 from localization.sensors import Sensor, sensor_to_dict
-from localization.uncertainty_field import UncertaintyField, field_hash
+from localization.uncertainty_field import FIELD_FORMAT, UncertaintyField, field_hash
 from maps.grid import GridFrame
 from maps.se2 import wrap
 
-#: What a cell takes before compression: six variables and the area.
-BYTES_PER_CELL = 57
+#: What a cell takes before compression: seven variables and the area.
+BYTES_PER_CELL = 61
+_OUTDATED = "It was computed by an earlier version of surepath, whose numbers are not those of this one."
 _LIVE = (JobStatus.ACCEPTED.value, JobStatus.RUNNING.value)
 
 
@@ -52,7 +55,13 @@ class FieldShelf(MapShelf):
                 remove(path)
 
     def add_field_request(
-        self, map_id: str, sensor: Sensor, resolution: float, heading: float = 0.0
+        self,
+        map_id: str,
+        sensor: Sensor,
+        resolution: float,
+        heading: float = 0.0,
+        *,
+        method: FieldMethod = BEST_AREA,
     ) -> tuple[FieldRecord, JobRecord | None]:
         """Ask for a field. The same content is never computed twice.
 
@@ -74,7 +83,7 @@ class FieldShelf(MapShelf):
         map_id = "m_" + world.content_hash()
         frame = world.grid_frame(resolution)
         heading = float(wrap(heading)) if sensor.depends_on_heading else 0.0
-        field_id = "f_" + field_hash(world, sensor, frame, heading)
+        field_id = "f_" + field_hash(world, sensor, frame, heading, method=method)
         with self._write() as connection:
             row = connection.execute(sa.select(db.fields).where(db.fields.c.id == field_id)).first()
             if row is None or row.status == FieldStatus.FAILED.value:
@@ -89,6 +98,9 @@ class FieldShelf(MapShelf):
                     "sensor_values": sensor_to_dict(sensor),
                     "frame": list(frame.as_tuple()),
                     "heading": heading,
+                    "estimator": method.estimator,
+                    "criterion": method.criterion,
+                    "field_format": FIELD_FORMAT,
                     "status": FieldStatus.RUNNING.value,
                     "size": 0,
                     "checksum": None,
@@ -145,7 +157,7 @@ class FieldShelf(MapShelf):
         NotFound
             If nobody ever asked for it.
         FieldNotReady
-            If it is still being computed, or failed.
+            If it is still being computed, failed, or is of an earlier version.
         """
         record = self.field(field_id)
         if record.status is FieldStatus.RUNNING:
@@ -154,7 +166,9 @@ class FieldShelf(MapShelf):
             )
         if record.status is FieldStatus.FAILED:
             raise FieldNotReady(
-                f"Field '{field_id}' could not be computed: {record.error} Ask for it again.", job=record.job
+                f"Field '{field_id}' is not there: {record.error} Order it again: POST /v1/fields.",
+                job=record.job,
+                order=order_to_json(record),
             )
         return record
 
@@ -313,6 +327,7 @@ class FieldShelf(MapShelf):
 
     def _recover_fields(self) -> None:
         """After a crash or a stop: files that no row knows go, jobs that were running wait again."""
+        self._retire_fields()
         remove_all_but(self._staging_dir, set())
         ready = [f for f in self.fields() if f.status is FieldStatus.READY]
         remove_all_but(self._fields_dir, {self.field_path(f.id).name for f in ready})
@@ -324,6 +339,19 @@ class FieldShelf(MapShelf):
             connection.execute(sa.update(db.fields).where(db.fields.c.id.in_(lost)).values(**gone))
             old = db.jobs.c.ended < now() - JOBS_KEPT_S
             connection.execute(sa.delete(db.jobs).where(old))
+
+    def _retire_fields(self) -> None:
+        """Fields, and orders, of an earlier version are failed ones: what they name is computed no more."""
+        mine = (db.fields.c.field_format != FIELD_FORMAT, db.fields.c.status != FieldStatus.FAILED.value)
+        ended = {"error": _OUTDATED, "ended": now()}
+        failed = {"status": FieldStatus.FAILED.value, "size": 0, "checksum": None, "job": None, **ended}
+        with self._write() as connection:
+            old = sa.select(db.fields.c.id).where(*mine)
+            waiting = (db.jobs.c.field_id.in_(old), db.jobs.c.status.in_(_LIVE))
+            connection.execute(
+                sa.update(db.jobs).where(*waiting).values(status=JobStatus.FAILED.value, **ended)
+            )
+            connection.execute(sa.update(db.fields).where(*mine).values(**failed))
 
 
 def _field(row: Any) -> FieldRecord:

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
+from localization.method import FieldMethod
 from localization.sensors import Sensor, sensor_from_dict
 from maps.errors import SurepathError
 from maps.grid import GridFrame
@@ -42,11 +43,14 @@ class FieldNotReady(StoreError):
     ----------
     job
         Id of the job that computes it, or that failed.
+    order
+        Body of ``POST /v1/fields`` that has it computed again; None while a job is at it.
     """
 
-    def __init__(self, message: str, *, job: str | None = None) -> None:
+    def __init__(self, message: str, *, job: str | None = None, order: dict[str, Any] | None = None) -> None:
         super().__init__(message)
         self.job = job
+        self.order = order
 
 
 class StorageFull(StoreError):
@@ -136,17 +140,21 @@ class FieldRecord:
     Attributes
     ----------
     id
-        ``f_`` + content hash of map, sensor, grid and heading.
+        ``f_`` + content hash of map, sensor, grid, heading and method.
     sensor_values
         As of :func:`localization.sensors.sensor_to_dict`.
     frame
         Its cells.
     heading
         rad; 0 for sensors that do not depend on it.
+    estimator, criterion
+        How its fixes are made, see :attr:`method`.
+    field_format
+        Version of its numbers and files; one of an earlier version is not read any more.
     size, checksum
         Bytes on disk and SHA-256 over its files; 0 and None until it is ready.
     job
-        Id of the newest job that computes or computed it.
+        Id of the newest job that computes or computed it; None once it is of an earlier version.
     error
         Why it failed.
     """
@@ -156,6 +164,9 @@ class FieldRecord:
     sensor_values: dict[str, Any]
     frame: GridFrame
     heading: float
+    estimator: str
+    criterion: str
+    field_format: int
     status: FieldStatus
     size: int
     checksum: str | None
@@ -168,6 +179,11 @@ class FieldRecord:
     def sensor(self) -> Sensor:
         """The sensor itself."""
         return sensor_from_dict(self.sensor_values)
+
+    @property
+    def method(self) -> FieldMethod:
+        """How its fixes are made."""
+        return FieldMethod(self.estimator, self.criterion)  # type: ignore[arg-type]  # it checks itself
 
     @property
     def resolution(self) -> float:

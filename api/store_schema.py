@@ -11,8 +11,17 @@ from sqlalchemy import event
 from api.store_records import StoreUnavailable
 
 #: Raised when a table changes; a newer database is refused rather than misread.
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 BUSY_TIMEOUT_S = 5
+
+#: Version -> what leads to the next one. Version 1 knew field format 1 and the best triplet only.
+_STEPS: dict[int, tuple[str, ...]] = {
+    1: (
+        "ALTER TABLE fields ADD COLUMN estimator VARCHAR NOT NULL DEFAULT 'best_triplet'",
+        "ALTER TABLE fields ADD COLUMN criterion VARCHAR NOT NULL DEFAULT 'area'",
+        "ALTER TABLE fields ADD COLUMN field_format INTEGER NOT NULL DEFAULT 1",
+    ),
+}
 
 metadata = sa.MetaData()
 
@@ -50,6 +59,9 @@ fields = sa.Table(
     sa.Column("sensor_values", sa.JSON, nullable=False),
     sa.Column("frame", sa.JSON, nullable=False),
     sa.Column("heading", sa.Float, nullable=False),
+    sa.Column("estimator", sa.String, nullable=False),
+    sa.Column("criterion", sa.String, nullable=False),
+    sa.Column("field_format", sa.Integer, nullable=False),
     sa.Column("status", sa.String, nullable=False),
     sa.Column("size", sa.BigInteger, nullable=False),
     sa.Column("checksum", sa.String),
@@ -87,7 +99,7 @@ plans = sa.Table(
 
 
 def open_engine(path: Path) -> sa.Engine:
-    """Engine on a SQLite file, with every table there.
+    """Engine on a SQLite file, with every table there; one of an earlier version is brought to this one.
 
     WAL lets readers go on while one writes; ``synchronous=FULL`` keeps a commit through a power cut.
 
@@ -130,4 +142,9 @@ def open_engine(path: Path) -> sa.Engine:
                 f"The data folder was written by a newer version (schema {found}, this program knows "
                 f"{SCHEMA_VERSION}); install that version or use another folder."
             )
+        else:
+            for version in range(found, SCHEMA_VERSION):
+                for statement in _STEPS[version]:
+                    connection.exec_driver_sql(statement)
+            connection.execute(sa.update(info).values(schema_version=SCHEMA_VERSION))
     return engine

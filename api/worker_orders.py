@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from api.codec_plan import FieldLabel
+from localization.method import BEST_AREA, FieldMethod
 from localization.sensors import Sensor
 
 
@@ -19,7 +20,7 @@ class FieldOrder:
         What the result must be.
     map_path, target
         Where the map is read and the field is written.
-    sensor, resolution, heading
+    sensor, resolution, heading, method
         As of :func:`localization.field_builder.build_field`.
     threads, max_cells
         Limits.
@@ -33,6 +34,7 @@ class FieldOrder:
     heading: float
     threads: int
     max_cells: int
+    method: FieldMethod = BEST_AREA
 
 
 @dataclass(frozen=True, slots=True)

@@ -59,6 +59,7 @@ def build(channel: Channel, order: FieldOrder) -> tuple[int, str]:
             order.sensor,
             resolution=order.resolution,
             heading=order.heading,
+            method=order.method,
             threads=order.threads,
             progress=channel.progress,
             cancelled=channel.cancelled,

@@ -45,7 +45,11 @@ def order_field(order: FieldIn, service: Service_) -> Response:
     The same order never computes twice: it leads to the existing field or its running job.
     """
     record, job = service.jobs.submit_field(
-        service.store.map(order.map).id, order.to_sensor(), order.resolution_m, order.heading_rad
+        service.store.map(order.map).id,
+        order.to_sensor(),
+        order.resolution_m,
+        order.heading_rad,
+        method=order.to_method(),
     )
     body = ordered_to_json(record, job)
     if job is None:

@@ -9,6 +9,7 @@ from starlette.responses import Response
 
 from api import answers
 from api.caching import HOUR, conditional, etag_of
+from api.codec_records import order_to_json
 from api.dependencies import Service, Service_
 from api.plan_picture import plan_png
 from api.routes.common import NOT_MODIFIED, answer, binary, problems
@@ -72,10 +73,13 @@ def newest_field(service: Service, name: str) -> str:
     if ready:
         return max(ready, key=lambda f: (f.ended or f.created, f.id)).id
     job = next((f.job for f in fields if f.status is FieldStatus.RUNNING), None)
+    failed = None if job or not fields else max(fields, key=lambda f: (f.ended or f.created, f.id))
     raise FieldNotReady(
         f"Map '{name}' has no field that is ready; "
-        + ("wait for its job." if job else "POST one to /v1/fields."),
+        + ("wait for its job." if job else "POST one to /v1/fields.")
+        + (f" The last one: {failed.error}" if failed else ""),
         job=job,
+        order=order_to_json(failed) if failed else None,
     )
 
 

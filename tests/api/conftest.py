@@ -11,6 +11,7 @@ import api.app
 from api.codec import parse_json, plan_to_json
 from api.settings import Settings
 from api.store_files import write_field
+from localization.method import BEST_AREA
 from maps.io.world_file import world_from_geojson
 from planner.errors import GoalOccupied
 from tests.api.answers_by_hand import plan_by_hand
@@ -82,8 +83,8 @@ class IdleJobs:
     def stop(self) -> None:
         pass
 
-    def submit_field(self, map_id, sensor, resolution, heading):
-        return self.store.add_field_request(map_id, sensor, resolution, heading)
+    def submit_field(self, map_id, sensor, resolution, heading, *, method=BEST_AREA):
+        return self.store.add_field_request(map_id, sensor, resolution, heading, method=method)
 
     def dismiss(self, job_id):
         return self.store.dismiss_job(job_id)

@@ -18,7 +18,9 @@ from api.store import (
     Store,
     StoreUnavailable,
 )
+from localization.method import FieldMethod
 from localization.sensors import LASER, MAS97_CAMERA
+from localization.uncertainty_field import FIELD_FORMAT
 from maps.errors import InvalidGeometry
 from tests.fields import synthetic_field
 from tests.worlds import world_from_ascii
@@ -158,6 +160,17 @@ def test_a_field_request_is_idempotent(open_store):
     with pytest.raises(InvalidGeometry):
         store.add_field_request(record.id, LASER, float("nan"))
     assert len(store.fields()) == len(store.jobs()) == 2
+
+
+def test_each_method_has_a_field_of_its_own(open_store):
+    store = open_store()
+    record, _ = store.add_map(world_from_ascii(ROOM))
+    plain, _ = store.add_field_request(record.id, LASER, 0.5)
+    method = FieldMethod("all_visible", "trace")
+    other, _ = store.add_field_request(record.id, LASER, 0.5, method=method)
+    assert plain.id != other.id
+    assert (plain.method, other.method) == (FieldMethod(), method)
+    assert open_store().field(other.id).method == method
 
 
 def test_a_committed_field_is_read_and_its_request_answered(open_store):
@@ -361,6 +374,61 @@ def test_a_newer_database_is_refused(open_store, settings):
     database.close()
     with pytest.raises(StoreUnavailable, match="newer version"):
         Store(settings)
+
+
+def _make_version_1(database):
+    """What version 1 left behind: fields without method and format."""
+    with database:
+        for column in ("estimator", "criterion", "field_format"):
+            database.execute(f"ALTER TABLE fields DROP COLUMN {column}")
+        database.execute("UPDATE info SET schema_version = 1")
+
+
+def test_a_data_folder_of_version_1_opens(open_store, settings):
+    store = open_store()
+    ready = ready_field(store)
+    waiting, job = store.add_field_request(ready.map_id, MAS97_CAMERA, 0.5)
+    plan = store.add_plan({"plan": "p_1", "field": ready.id, "status": "exact"})
+    store.close()
+    database = sqlite3.connect(settings.data_dir / "surepath.db")
+    _make_version_1(database)
+    database.close()
+    for _ in range(2):  # the second start finds what the first one made of it
+        store = open_store()
+        assert store.map("ascii").id == ready.map_id
+        assert store.plan("p_1") == plan
+        for field in (ready, waiting):
+            old = store.field(field.id)
+            assert (old.method, old.field_format, old.status) == (FieldMethod(), 1, FieldStatus.FAILED)
+            with pytest.raises(FieldNotReady, match=r"earlier version.* POST /v1/fields") as caught:
+                store.load_field(field.id)
+            assert caught.value.job is None
+            assert caught.value.order["map"] == ready.map_id
+            assert caught.value.order["sensor"]["kind"] == field.sensor.kind
+        assert store.job(job.id).status is JobStatus.FAILED
+        assert not list((store.data_dir / "fields").iterdir()), "files that nobody can read are gone"
+    store.delete_map(ready.map_id)
+    assert store.fields() == []
+
+
+def test_a_field_of_another_format_is_retired(open_store, settings):
+    store = open_store()
+    record = ready_field(store)
+    store.close()
+    database = sqlite3.connect(settings.data_dir / "surepath.db")
+    with database:
+        database.execute("UPDATE fields SET field_format = ?", (FIELD_FORMAT - 1,))
+    database.close()
+    store = open_store()
+    with pytest.raises(FieldNotReady, match="earlier version"):
+        store.load_field(record.id)
+    # The same content under this program has its own row again.
+    field, job = store.add_field_request(record.map_id, LASER, 0.5)
+    assert (field.field_format, field.status, job.status) == (
+        FIELD_FORMAT,
+        FieldStatus.RUNNING,
+        JobStatus.ACCEPTED,
+    )
 
 
 def test_the_database_is_set_up_to_survive(open_store):

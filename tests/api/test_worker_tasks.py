@@ -24,6 +24,7 @@ from api.worker_orders import FieldOrder, UploadLimits
 from api.workers import WorkerPool
 from localization.errors import Cancelled, LocalizationError
 from localization.field_builder import build_field
+from localization.method import FieldMethod
 from localization.sensors import LASER
 from localization.uncertainty_field import field_hash
 from maps.errors import MapFormatError, MapTooLarge
@@ -101,6 +102,18 @@ def test_a_built_field_equals_the_engine(tmp_path):
     again = tmp_path / "again"
     again.mkdir()
     assert write_field(made, again / "field.zarr") == (size, checksum), "same content, same bytes"
+
+
+def test_a_field_is_built_by_the_method_that_was_ordered(tmp_path):
+    world, method = world_from_ascii(ROOM), FieldMethod("all_visible", "trace")
+    name = "f_" + field_hash(world, LASER, world.grid_frame(0.5), method=method)
+    worker_tasks.build(Line().channel(), order(tmp_path, field_id=name, method=method))
+    made = read_field(tmp_path / "field.zarr")
+    assert made.method == method
+    assert (made.triplet == -1).all()
+    assert made.has_fix.any()
+    with pytest.raises(LocalizationError, match="order it again"):
+        worker_tasks.build(Line().channel(), order(tmp_path, method=method))
 
 
 def test_a_build_stops_when_told_and_refuses_what_was_not_ordered(tmp_path):

@@ -46,6 +46,51 @@ def test_a_field_tells_what_it_is(client, field):
     problem_of(client.get("/v1/fields?map=hall"), 404, "not_found")
 
 
+def test_a_method_is_ordered_and_told(client, room):
+    order = {"map": room, "sensor": "forward", "resolution_m": 0.5, "heading_rad": 1.0}
+    order |= {"estimator": "all_visible", "criterion": "max_axis"}
+    made = client.post("/v1/fields", json=order).json()
+    found = client.get(f"/v1/fields/{made['field']}").json()
+    answers.UncertaintyField.model_validate(found)
+    assert {k: found[k] for k in ("heading_rad", "estimator", "criterion")} == {
+        "heading_rad": 1.0,
+        "estimator": "all_visible",
+        "criterion": "max_axis",
+    }
+    assert found["sensor"]["kind"] == "pinhole_fixed"
+    assert client.post("/v1/fields", json={**order, "criterion": "area"}).json()["field"] != made["field"]
+
+
+def test_a_field_of_an_earlier_version_offers_its_order(client, room):
+    order = {"map": room, "sensor": LASER, "resolution_m": 0.5}
+    made = client.post("/v1/fields", json=order).json()
+    finish(client, made["job"])
+    store = client.app.state.service.store
+    with store._write() as connection:
+        connection.exec_driver_sql("UPDATE fields SET field_format = 1")
+    store._recover_fields()
+    path = f"/v1/fields/{made['field']}"
+    for part in ("/heatmap.png", "/heatmap.npy", "/point?x_m=1&y_m=1"):
+        problem = problem_of(client.get(path + part), 409, "field_not_ready")
+        assert "earlier version" in problem["detail"]
+    question = {
+        "map": room,
+        "start": {"x_m": 1, "y_m": 2},
+        "goal": {"x_m": 2, "y_m": 5},
+        "robot": {"radius_m": 0.3},
+    }
+    planned = problem_of(client.post("/v1/plans", json=question), 409, "field_not_ready")
+    assert "earlier version" in planned["detail"]
+    found = client.get(path).json()
+    answers.UncertaintyField.model_validate(found)
+    assert (found["status"], found["job"]) == ("failed", None)
+    assert "earlier version" in found["error"]
+    assert client.get("/").status_code == 200
+    for hint in (problem["hint"], planned["hint"]):
+        assert client.post("/v1/fields", json=hint["order"]).status_code == 202, "the offer is an order"
+    assert client.delete(path).status_code == 409, "it is being computed again"
+
+
 def test_the_heatmap_is_a_picture_of_the_size_asked_for(gallery):
     answer = gallery.client.get(f"{gallery.path}/heatmap.png?width=500&height=400")
     assert answer.headers["content-type"] == "image/png"
