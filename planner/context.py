@@ -11,10 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from localization.uncertainty_field import UncertaintyField
-from maps.arrays import FloatArray, frozen
+from maps.arrays import BoolArray, FloatArray, frozen
 from maps.clearance import ClearanceIndex
 from planner.cost_space import cost_space_for
 from planner.cost_to_go import CostToGo, GridGraph, Place
+from planner.extras import NO_EXTRAS, Extras, cost_factors, forbidden_cells
 
 #: Memory for graphs and for costs to go, bytes each.
 CACHE_BYTES = 256_000_000
@@ -80,10 +81,12 @@ class PlanningContext:
         weight: float,
         max_r95: float | None = None,
         blind_rate: float | None = None,
+        extras: Extras = NO_EXTRAS,
     ) -> GridGraph:
         """Planning grid for a robot and a question; see :func:`planner.cost_space.cost_space_for`."""
 
         def build() -> tuple[GridGraph, int]:
+            forbidden, factor = self._of_extras(extras, radius)
             space = cost_space_for(
                 self.field.frame,
                 self.field.free,
@@ -94,11 +97,24 @@ class PlanningContext:
                 weight=weight,
                 max_r95=max_r95,
                 blind_rate=blind_rate,
+                forbidden=forbidden,
+                factor=factor,
             )
             graph = GridGraph.from_cost_space(space)
             return graph, graph.half.nbytes + space.rate.nbytes + space.passable.nbytes
 
-        return self._cached(self._graphs, (radius, weight, max_r95, blind_rate), build)
+        return self._cached(self._graphs, (radius, weight, max_r95, blind_rate, extras), build)
+
+    def _of_extras(self, extras: Extras, radius: float) -> tuple[BoolArray | None, FloatArray | None]:
+        """Cells that extras close, and factors of cost."""
+        if extras == NO_EXTRAS:
+            return None, None
+
+        def build() -> tuple[tuple[BoolArray | None, FloatArray | None], int]:
+            made = forbidden_cells(extras, self, radius), cost_factors(extras, self.field.frame)
+            return made, sum(a.nbytes for a in made if a is not None)
+
+        return self._cached(self._costs, (extras, radius), build)
 
     def costs_to(
         self, graph: GridGraph, goal: Place, *, stop: npt.NDArray[np.uint8] | None = None

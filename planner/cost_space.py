@@ -133,6 +133,8 @@ def cost_space_for(
     weight: float,
     max_r95: float | None = None,
     blind_rate: float | None = None,
+    forbidden: BoolArray | None = None,
+    factor: FloatArray | None = None,
 ) -> CostSpace:
     """Cost space of a field for one robot and one question.
 
@@ -150,6 +152,8 @@ def cost_space_for(
         Cells with a fix worse than this are forbidden, m; None: no bound.
     blind_rate
         Cost per metre where there is no fix, ≥ 1; None forbids such cells.
+    forbidden, factor
+        Shape (ny, nx): further cells to keep out of, and factors of the cost per metre; None: none.
 
     Returns
     -------
@@ -161,6 +165,10 @@ def cost_space_for(
         with np.errstate(invalid="ignore"):
             rate[r95 > max_r95] = np.inf
     rate[np.isnan(r95)] = np.inf if blind_rate is None else blind_rate
+    if factor is not None:
+        rate *= factor
+    if forbidden is not None:
+        rate[forbidden] = np.inf
     rate[~free] = np.inf
     passable = np.isfinite(rate) & (centre_clearance >= passable_clearance(radius, frame.resolution))
     for array in (rate, passable):

@@ -6,10 +6,18 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
+import shapely
+from shapely import Polygon
+
 from planner.errors import InvalidProblem
+from planner.extras import Extras
 
 MAX_DEADLINE_S = 30.0
 MIN_DEADLINE_S = 0.05
+MAX_VIA = 50
+MAX_AREAS = 200
+MAX_CORNERS = 10_000
+OBJECTIVES = ("shortest", "weighted", "minimax")
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +31,8 @@ class PlanningProblem:
     radius
         Radius of the robot's disc, m.
     objective
-        ``shortest``: length. ``weighted``: ``∫ (1 + weight · r95) ds``.
+        ``shortest``: length. ``weighted``: ``∫ (1 + weight · r95) ds``. ``minimax``: smallest worst r95,
+        then shortest.
     weight
         Extra metres accepted per metre driven at r95 = 1 m, 1/m (MATH §8).
     max_r95
@@ -31,6 +40,17 @@ class PlanningProblem:
     blind_r95
         Cells without a fix: None forbids them; a number lets the path cross them at the cost of a place
         with this r95, m.
+    max_ellipse95
+        The semi-major axis of the 95 % ellipse stays at or below this, m; None: no bound. As ``max_r95``.
+    max_collision_probability
+        Of one pose, by the direction-aware bound of :mod:`planner.risk`; None: no bound. Places without a
+        fix are judged by ``blind_r95``.
+    avoid
+        Polygons (W, m) that the robot's body must not enter.
+    areas
+        Polygons with factors of the cost per metre, 0.01 to 1000; where they overlap factors multiply.
+    via
+        Places (x, y) in W, m, to pass in this order; the robot stops there.
     max_speed, max_accel
         Limits of the trajectory, m/s and m/s².
     deadline
@@ -49,10 +69,15 @@ class PlanningProblem:
     start: tuple[float, float]
     goal: tuple[float, float]
     radius: float
-    objective: Literal["shortest", "weighted"] = "weighted"
+    objective: Literal["shortest", "weighted", "minimax"] = "weighted"
     weight: float = 4.0
     max_r95: float | None = None
     blind_r95: float | None = None
+    max_ellipse95: float | None = None
+    max_collision_probability: float | None = None
+    avoid: tuple[Polygon, ...] = ()
+    areas: tuple[tuple[Polygon, float], ...] = ()
+    via: tuple[tuple[float, float], ...] = ()
     max_speed: float = 1.2
     max_accel: float = 0.8
     deadline: float = 2.0
@@ -65,8 +90,21 @@ class PlanningProblem:
             if not (math.isfinite(x) and math.isfinite(y)):
                 raise InvalidProblem(f"The {name} is ({x}, {y}) m; both must be finite.")
             object.__setattr__(self, name, (float(x), float(y)))
-        if self.objective not in {"shortest", "weighted"}:
-            raise InvalidProblem(f"The objective is '{self.objective}'; use 'shortest' or 'weighted'.")
+        via = tuple((float(x), float(y)) for x, y in self.via)
+        for k, place in enumerate(via):
+            if not all(math.isfinite(v) for v in place):
+                raise InvalidProblem(f"Via point {k + 1} is {place} m; both must be finite.")
+        object.__setattr__(self, "via", via)
+        if len(via) > MAX_VIA:
+            raise InvalidProblem(f"There are {len(via)} via points; the limit is {MAX_VIA}.")
+        if self.objective not in OBJECTIVES:
+            names = ", ".join(f"'{name}'" for name in OBJECTIVES)
+            raise InvalidProblem(f"The objective is '{self.objective}'; use one of {names}.")
+        self._check_areas()
+        self._require("max_ellipse95", lo=0.0, hi=1e6, unit="m", exclusive=True)
+        p = self.max_collision_probability
+        if p is not None and not 0 < p < 1:
+            raise InvalidProblem(f"The max_collision_probability is {p}; it must be between 0 and 1.")
         self._require("radius", lo=0.0, hi=50.0, unit="m")
         self._require("weight", lo=0.0, hi=1e6, unit="1/m")
         self._require("max_r95", lo=0.0, hi=1e6, unit="m", exclusive=True)
@@ -89,6 +127,30 @@ class PlanningProblem:
             raise InvalidProblem(
                 f"The {name} is {value} {unit}; it must be {rule} and at most {hi:g} {unit}."
             )
+
+    def _check_areas(self) -> None:
+        object.__setattr__(self, "avoid", tuple(self.avoid))
+        object.__setattr__(self, "areas", tuple((p, float(f)) for p, f in self.areas))
+        polygons = [*self.avoid, *(p for p, _ in self.areas)]
+        if len(polygons) > MAX_AREAS:
+            raise InvalidProblem(f"There are {len(polygons)} areas; the limit is {MAX_AREAS}.")
+        for k, polygon in enumerate(polygons):
+            what = f"avoid area {k + 1}" if k < len(self.avoid) else f"area {k - len(self.avoid) + 1}"
+            if polygon.is_empty or not polygon.is_valid:
+                why = "it is empty" if polygon.is_empty else shapely.is_valid_reason(polygon)
+                raise InvalidProblem(f"The {what} is no simple polygon: {why}.")
+            if shapely.get_num_coordinates(polygon) > MAX_CORNERS:
+                raise InvalidProblem(f"The {what} has more than {MAX_CORNERS} corners.")
+        for k, (_, factor) in enumerate(self.areas):
+            if not 0.01 <= factor <= 1000:
+                raise InvalidProblem(f"The factor of area {k + 1} is {factor}; it must be from 0.01 to 1000.")
+
+    @property
+    def extras(self) -> Extras:
+        """Bounds and areas beside ``max_r95`` and the weight."""
+        probability = self.max_collision_probability
+        blind = self.blind_r95 if probability is not None else None
+        return Extras(self.max_ellipse95, probability, blind, self.avoid, self.areas)
 
     @property
     def effective_weight(self) -> float:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +14,7 @@ import numpy.typing as npt
 from maps.arrays import BoolArray, FloatArray, frozen
 from maps.clearance import TOUCH_M, ClearanceIndex
 from planner.errors import InvalidProblem
-from planner.kernels.risk import bounds_at, too_risky
+from planner.kernels.risk import bounds_at, likely, too_risky
 
 #: Sectors of the direction-aware bound where it is reported, and where cells are sorted out.
 REPORTED_SECTORS = 128
@@ -110,25 +112,57 @@ def risky_cells(
         If the limit is not between 0 and 1.
     """
     if not 0 < limit < 1:
-        raise InvalidProblem(
-            f"The limit of the collision probability is {limit}; it must be between 0 and 1."
-        )
+        raise InvalidProblem(f"The collision probability is limited to {limit}; it must be between 0 and 1.")
+
+    def judge(points: FloatArray, known: FloatArray, c: FloatArray, out: BoolArray) -> None:
+        need = max(radius, TOUCH_M)
+        too_risky(points, known, c, need, limit, _MASK_SECTORS, out, *clearance.arrays)
+
+    out = np.zeros(centre_clearance.shape, dtype=np.bool_)
+    _over_free_cells(judge, centres, centre_clearance, covariances, out, threads)
+    return out
+
+
+def cell_probabilities(
+    clearance: ClearanceIndex,
+    centres: FloatArray,
+    centre_clearance: FloatArray,
+    covariances: FloatArray,
+    *,
+    radius: float,
+    threads: int | None = None,
+) -> FloatArray:
+    """Shape (ny, nx): bound on the collision probability at the centre of each free cell; else NaN.
+
+    Arguments as of :func:`risky_cells`, which closes the cells whose number here is above its limit.
+    """
+
+    def judge(points: FloatArray, known: FloatArray, c: FloatArray, out: FloatArray) -> None:
+        likely(points, known, c, max(radius, TOUCH_M), _MASK_SECTORS, out, *clearance.arrays)
+
+    out = np.full(centre_clearance.shape, np.nan)
+    _over_free_cells(judge, centres, centre_clearance, covariances, out, threads)
+    return out
+
+
+def _over_free_cells(
+    judge: Callable[..., None],
+    centres: FloatArray,
+    centre_clearance: FloatArray,
+    covariances: FloatArray,
+    out: npt.NDArray[Any],
+    threads: int | None,
+) -> None:
     free = np.flatnonzero(centre_clearance.ravel() > 0)
     points = np.ascontiguousarray(centres.reshape(-1, 2)[free])
     known = np.ascontiguousarray(centre_clearance.ravel()[free])
     c = np.ascontiguousarray(covariances.reshape(-1, 3)[free])
-    risky = np.zeros(len(free), dtype=np.bool_)
-    need = max(radius, TOUCH_M)
+    found = np.empty(len(free), dtype=out.dtype)
 
     def work(first: int) -> None:
-        part = slice(first, first + _ROWS_PER_TASK)
-        too_risky(
-            points[part], known[part], c[part], need, limit, _MASK_SECTORS, risky[part], *clearance.arrays
-        )
+        at = slice(first, first + _ROWS_PER_TASK)
+        judge(points[at], known[at], c[at], found[at])
 
-    workers = max(1, threads or os.cpu_count() or 1)
-    with ThreadPoolExecutor(workers) as pool:
+    with ThreadPoolExecutor(max(1, threads or os.cpu_count() or 1)) as pool:
         list(pool.map(work, range(0, len(free), _ROWS_PER_TASK)))
-    out = np.zeros(centre_clearance.shape, dtype=np.bool_)
-    out.ravel()[free[risky]] = True
-    return out
+    out.ravel()[free] = found

@@ -18,6 +18,8 @@ from maps.kernels.clearance import point_distance
 # A sector that is free so far adds less than 1e-9.
 _FAR = 6.5
 _LEAST_STEP = 1e-3
+# Nobody asks for less.
+_SURE = 1e-9
 
 
 @njit(cache=True, nogil=True)
@@ -146,3 +148,29 @@ def too_risky(
             segments, bucket_start, bucket_items, bucket_gap, grid,
         )  # fmt: skip
         out[i] = p > limit
+
+
+@njit(cache=True, nogil=True)
+def likely(
+    points, clearances, covariances, need, n_sectors, out,
+    segments, bucket_start, bucket_items, bucket_gap, grid,
+):  # fmt: skip
+    """The smaller of both bounds at points (N, 2) with clearances (N,), into ``out`` (N,); NaN without Σ."""
+    for i in range(points.shape[0]):
+        xx = covariances[i, 0]
+        xy = covariances[i, 1]
+        yy = covariances[i, 2]
+        if math.isnan(xx):
+            out[i] = np.nan
+            continue
+        if not clearances[i] > need:
+            out[i] = 1.0
+            continue
+        p = isotropic_bound(clearances[i] - need, xx, xy, yy)
+        if p > _SURE:
+            sectors = sector_bound(
+                points[i, 0], points[i, 1], xx, xy, yy, need, n_sectors, 1.0,
+                segments, bucket_start, bucket_items, bucket_gap, grid,
+            )  # fmt: skip
+            p = min(p, sectors)
+        out[i] = p

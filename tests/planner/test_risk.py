@@ -15,7 +15,7 @@ from maps.landmarks import LandmarkSet
 from maps.world import World
 from planner.errors import InvalidProblem
 from planner.kernels.risk import isotropic_bound, principal_axes
-from planner.risk import collision_risk, risky_cells
+from planner.risk import cell_probabilities, collision_risk, risky_cells
 from tests.worlds import world_from_ascii
 
 ROOM = """
@@ -120,6 +120,9 @@ def test_cells_are_sorted_out_as_reported(rng, limit):
     assert risky[free].sum() >= np.count_nonzero(risk.tight > limit)
     assert (risk.tight[risky[free]] > 0.6 * limit).all()
     assert not risky[3, 3]
+    probability = cell_probabilities(index, centres, clearance, covariances, radius=0.2)
+    np.testing.assert_array_equal(np.nan_to_num(probability) > limit, risky)
+    np.testing.assert_array_equal(np.isnan(probability), ~free | np.isnan(covariances[..., 0]))
     for wrong in (0.0, 1.0, math.nan):
         with pytest.raises(InvalidProblem, match="between 0 and 1"):
             risky_cells(index, centres, clearance, covariances, radius=0.2, limit=wrong)
