@@ -189,11 +189,21 @@ class PointValue(Answer):
     y_m: float
     cell: dict[str, int] | None = Field(description="row and column; null outside the grid.")
     state: str = Field(description="fix, no_fix, occupied or outside.")
-    reason: str | None = Field(description="Why there is no value, in words.")
+    reason: str | None = Field(
+        description="Why there is no value, or why it cannot be believed (valid is false), in words."
+    )
     metrics: dict[str, float | None]
     covariance: list[float] | None = Field(description="xx, xy, yy, m².")
     ellipse95: dict[str, float] | None
-    triplet: list[str] | None = Field(description="Ids of the best three landmarks.")
+    validity: float | None = Field(
+        description="Predicted share of fixes inside the 95 % ellipse; null without a fix, and for "
+        "all_visible, where it is not known."
+    )
+    valid: bool | None = Field(description="Whether validity is near enough to 0.95; null where it is null.")
+    triplet: list[str] | None = Field(
+        description="Ids of the best three landmarks; null without a fix, and for all_visible, where the fix "
+        "is made of every landmark in view."
+    )
     pan_rad: float | None = Field(description="Optical axis relative to the heading.")
     n_visible: int
 
@@ -210,7 +220,10 @@ class Uncertainty(Answer):
 
 
 class Waypoint(Answer):
-    """A place of the path with all that is known there; null where blind."""
+    """A place of the path with all that planning counts on there; null where blind.
+
+    Where the field is not valid the covariance is larger than the field's, or there is none.
+    """
 
     x_m: float
     y_m: float
@@ -221,7 +234,7 @@ class Waypoint(Answer):
     r95_m: float | None
     sigma_max_m: float | None
     ellipse95: dict[str, float] | None
-    triplet: list[str] | None
+    triplet: list[str] | None = Field(description="null where blind, and on fields of all_visible.")
     pan_rad: float | None
     clearance_m: float | None
 

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from localization import covariance as cov
 from localization.uncertainty_field import UncertaintyField
-from maps.arrays import FloatArray
+from maps.arrays import FloatArray, IntArray
 from planner.problem import PlanningProblem
 from planner.result import Path, PlanResult, Route, RouteSummary, Trajectory, Unmet
 
@@ -121,6 +121,11 @@ def numbers(values: npt.ArrayLike) -> list[float | None]:
     return [v if math.isfinite(v) else None for v in np.asarray(values, dtype=np.float64).tolist()]
 
 
+def triplet_names(triplet: Sequence[int] | IntArray, names: Sequence[str]) -> list[str] | None:
+    """Ids of a triplet's landmarks; None where there is none: no fix, or one of every landmark in view."""
+    return None if triplet[0] < 0 else [names[int(i)] for i in triplet]
+
+
 def route_to_json(route: Route, names: Sequence[str], *, with_trajectory: bool = True) -> dict[str, Any]:
     """Figures, waypoints and motion of one route; places in nanometres, times in nanoseconds."""
     motion = {"trajectory": _trajectory(route.trajectory)} if with_trajectory else {}
@@ -166,7 +171,7 @@ def _path(path: Path, trajectory: Trajectory, names: Sequence[str]) -> list[dict
     )
     out = []
     for (x, y), s, theta, c, r95, sigma, (a, b, azimuth), triplet, pan, clearance, t in columns:
-        blind = triplet[0] < 0
+        blind = not math.isfinite(c[0])
         out.append(
             {
                 "x_m": x,
@@ -178,7 +183,7 @@ def _path(path: Path, trajectory: Trajectory, names: Sequence[str]) -> list[dict
                 "r95_m": None if blind else r95,
                 "sigma_max_m": None if blind else sigma,
                 "ellipse95": None if blind else {"a_m": a, "b_m": b, "theta_rad": azimuth},
-                "triplet": None if blind else [names[i] for i in triplet],
+                "triplet": triplet_names(triplet, names),
                 "pan_rad": pan,
                 "clearance_m": clearance,
             }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from datetime import UTC, datetime
 from typing import Any
@@ -9,10 +10,12 @@ from typing import Any
 import numpy as np
 
 from api.codec import sensor_to_json
-from api.codec_plan import number
+from api.codec_plan import number, triplet_names
 from api.store_records import FieldRecord, JobRecord, JobStatus, MapRecord
 from localization import covariance as cov
-from localization.uncertainty_field import METRICS, UncertaintyField
+from localization.kernels.coverage import NOMINAL_SHARE
+from localization.uncertainty_field import METRICS, USABLE_SHARE, UncertaintyField
+from maps.arrays import FloatArray
 from maps.world import World
 
 
@@ -164,7 +167,7 @@ def job_to_json(record: JobRecord) -> dict[str, Any]:
 
 
 def point_to_json(field: UncertaintyField, x: float, y: float) -> dict[str, Any]:
-    """What a field says about a place (m in W); places without a value say why."""
+    """What a field says about a place (m in W); places without a value, or with a doubtful one, say why."""
     x0, y0, x1, y1 = field.frame.bounds()
     inside = x0 <= x <= x1 and y0 <= y <= y1 and bool(field.frame.contains((x, y)))
     row, col = (int(v) for v in field.frame.cell_at((x, y))) if inside else (0, 0)
@@ -172,12 +175,16 @@ def point_to_json(field: UncertaintyField, x: float, y: float) -> dict[str, Any]
     n_visible = int(field.n_visible[row, col]) if free else 0
     fix = free and bool(field.has_fix[row, col])
     at = (np.asarray(row), np.asarray(col))
+    share = number(float(field.validity[row, col])) if fix else None
+    valid = None if share is None else bool(field.is_valid[row, col])
     if not inside:
         state, reason = "outside", f"The field spans x {x0:g} … {x1:g} m, y {y0:g} … {y1:g} m."
     elif not free:
         state, reason = "occupied", "The centre of this cell is not free floor."
     elif not fix:
-        state, reason = "no_fix", f"{n_visible} landmarks are in view, but no three at once that give a fix."
+        state, reason = "no_fix", _why_no_fix(n_visible)
+    elif valid is False and share is not None:
+        state, reason = "fix", _why_not_valid(field, row, col, share)
     else:
         state, reason = "fix", None
     covariance = [float(v) for v in field.covariance[row, col]] if fix else None
@@ -194,7 +201,46 @@ def point_to_json(field: UncertaintyField, x: float, y: float) -> dict[str, Any]
         "metrics": {name: number(float(field.metric(name, at))) if free else None for name in METRICS},
         "covariance": covariance,
         "ellipse95": ellipse,
-        "triplet": [field.world.landmarks.ids[i] for i in field.triplet[row, col]] if fix else None,
+        "validity": share,
+        "valid": valid,
+        "triplet": triplet_names(field.triplet[row, col], field.world.landmarks.ids),
         "pan_rad": number(float(field.pan[row, col])) if fix else None,
         "n_visible": n_visible,
     }
+
+
+def _why_no_fix(n_visible: int) -> str:
+    if n_visible < 3:
+        seen = {0: "No landmark is", 1: "Only 1 landmark is"}.get(
+            n_visible, f"Only {n_visible} landmarks are"
+        )
+        return f"{seen} in view; a fix needs three."
+    return f"{n_visible} landmarks are in view, but no three at once that give a fix."
+
+
+def _why_not_valid(field: UncertaintyField, row: int, col: int, share: float) -> str:
+    """In words: the ellipse of this cell's fix cannot be believed."""
+    words = (
+        f"The fix is there, but {'only ' if share < NOMINAL_SHARE else ''}about {100 * share:.0f} % of fixes "
+        "lie inside the 95 % ellipse: first order does not hold here."
+    )
+    triplet = field.triplet[row, col]
+    place = field.frame.centres(slice(row, row + 1), slice(col, col + 1))[0, 0]
+    place = place + np.asarray(field.sensor.mount.offset(field.heading))
+    distance = _to_circle(place, field.world.landmarks.positions[triplet])
+    if math.isfinite(distance):
+        names = ", ".join(triplet_names(triplet, field.world.landmarks.ids) or [])
+        words += f" The circle through {names}, on which fixes degenerate, is {distance:.2g} m away."
+    usable = share >= USABLE_SHARE
+    return words + f" Plans count {'on a larger ellipse' if usable else 'it as a place without a fix'}."
+
+
+def _to_circle(place: FloatArray, three: FloatArray) -> float:
+    """Distance of a place from the circle through three points, m; NaN where they lie on one line."""
+    p, q = three[1] - three[0], three[2] - three[0]
+    twice = 2.0 * float(p[0] * q[1] - p[1] * q[0])
+    if twice == 0.0:
+        return math.nan
+    pp, qq = float(p @ p), float(q @ q)
+    centre = np.array([q[1] * pp - p[1] * qq, p[0] * qq - q[0] * pp]) / twice
+    return abs(math.hypot(*(place - three[0] - centre)) - math.hypot(*centre))

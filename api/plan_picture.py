@@ -62,13 +62,20 @@ def plan_png(field: UncertaintyField, answer: dict[str, Any], *, width: int = 15
     canvas.check_size(width * _OVERSAMPLING, height * _OVERSAMPLING)
     view = canvas.fit_view(bounds, map_width, map_height)
     limits = layers.color_range(field.metric("area95_m2"), None, None, "log")
+    rows, cols = np.indices(field.frame.shape)
     enlargement = _enlargement(routes, view.scale)
     big = _map_with_routes(field, view, limits, routes, enlargement)
     image = Image.new("RGB", (width, height), (255, 255, 255))
     small = (map_width // _OVERSAMPLING, map_height // _OVERSAMPLING)
     image.paste(big.resize(small, Image.Resampling.LANCZOS), (12, _HEADER))
     layers.paint_color_bar(
-        image, width - 106, colormap="viridis", limits=limits, scale="log", title="area95 [m²]"
+        image,
+        width - 106,
+        colormap="viridis",
+        limits=limits,
+        scale="log",
+        title="area95 [m²]",
+        doubtful=bool(layers.is_doubtful(field, (rows, cols)).any()),
     )
     draw = ImageDraw.Draw(image)
     draw.text(
@@ -204,7 +211,8 @@ def _paint_key(draw: ImageDraw.ImageDraw, top: int, routes: list[_Drawn], enlarg
     note = (
         f"95 % ellipses drawn {enlargement} times as large" if enlargement > 1 else "95 % ellipses to scale"
     )
-    note += "; thin lines: the triplet used there; ringed dots: landmarks used on the blue route"
+    if any(t for route in routes for t in route.triplets):
+        note += "; thin lines: the triplet used there; ringed dots: landmarks used on the blue route"
     canvas.write(draw, (14, top + 60), note, size=12, fill=(90, 96, 104))
 
 

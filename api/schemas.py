@@ -100,7 +100,7 @@ class ConstraintsIn(Request):
     blind_r95_m: NotNegative | None = Field(
         default=None,
         description=(
-            "Cells from which no triplet is seen: null forbids them; a number lets the path cross them "
+            "Cells without a usable fix: null forbids them; a number lets the path cross them "
             "at the cost of a place with this r95, m."
         ),
     )

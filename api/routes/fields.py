@@ -40,7 +40,9 @@ router = APIRouter(prefix="/v1/fields", tags=["fields"])
     },
 )
 def order_field(order: FieldIn, service: Service_) -> Response:
-    """Compute the field of a map for a sensor: for every cell the best landmark triplet and its covariance.
+    """Compute the field of a map for a sensor: for every cell the covariance of a fix there.
+
+    The fix is that of the best landmark triplet, or of all landmarks in view (`estimator`).
 
     The same order never computes twice: it leads to the existing field or its running job.
     """
@@ -107,7 +109,7 @@ def read_point(
     request: Request,
     service: Service_,
 ) -> Response:
-    """Metrics, covariance and best triplet at a place; outside and on obstacles it says so."""
+    """Metrics, covariance, validity and best triplet at a place; outside and on obstacles it says so."""
     record = service.store.ready_field(field)
 
     def make() -> Response:

@@ -16,7 +16,7 @@ from api.routes.common import NOT_MODIFIED, answer, binary, problems
 from api.schemas import PlanIn
 from api.store_records import FieldNotReady, FieldStatus
 
-RENDERER = 1
+RENDERER = 2
 
 router = APIRouter(prefix="/v1/plans", tags=["plans"])
 

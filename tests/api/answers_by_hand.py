@@ -7,7 +7,7 @@ import numpy as np
 from planner.result import Path, PlanResult, PlanStatus, Route, RouteSummary, Trajectory, Unmet
 
 
-def straight_route(start, goal, *, blind: bool = False) -> Route:
+def straight_route(start, goal, *, blind: bool = False, all_visible: bool = False) -> Route:
     """Three waypoints on a line, one metre per second."""
     points = np.linspace(start, goal, 3)
     length = float(np.hypot(*(points[-1] - points[0])))
@@ -17,7 +17,7 @@ def straight_route(start, goal, *, blind: bool = False) -> Route:
         heading=np.zeros(3),
         covariance=np.full((3, 3), np.nan) if blind else np.tile([0.01, 0.002, 0.02], (3, 1)),
         r95=np.full(3, np.nan if blind else 0.3),
-        triplet=np.full((3, 3), -1) if blind else np.tile([0, 1, 2], (3, 1)),
+        triplet=np.full((3, 3), -1) if blind or all_visible else np.tile([0, 1, 2], (3, 1)),
         pan=np.full(3, np.nan),
         clearance=np.array([0.3, 0.4, 0.2]),
     )
@@ -29,9 +29,9 @@ def straight_route(start, goal, *, blind: bool = False) -> Route:
     )
 
 
-def plan_by_hand(start, goal, *, blind: bool = False) -> PlanResult:
+def plan_by_hand(start, goal, *, blind: bool = False, all_visible: bool = False) -> PlanResult:
     """A result that misses a bound and has something to say."""
-    route = straight_route(start, goal, blind=blind)
+    route = straight_route(start, goal, blind=blind, all_visible=all_visible)
     unmet = Unmet("max_r95_m", 0.1, 0.3, tuple(route.path.points[1]), None, "too uncertain")
     return PlanResult(
         PlanStatus.RISK_UNMET, route, route, 2.6, "grid_search", (unmet,), ("note",), {"seconds": 1.0}

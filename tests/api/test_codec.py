@@ -171,10 +171,14 @@ def test_texts_that_are_not_unicode_still_encode():
         to_json_bytes(math.nan)
 
 
-def _plan(blind: bool = False) -> tuple[PlanResult, object, PlanningProblem]:
-    field = synthetic_field(world_from_ascii("A....\n.....\nB...C"))
+def plan_on(field, **kind) -> tuple[PlanResult, object, PlanningProblem]:
+    """A plan made by hand with its question."""
     start, goal = (0.25, 0.75), (2.25, 0.75)
-    return plan_by_hand(start, goal, blind=blind), field, PlanningProblem(start, goal, 0.2)
+    return plan_by_hand(start, goal, **kind), field, PlanningProblem(start, goal, 0.2)
+
+
+def _plan(blind: bool = False) -> tuple[PlanResult, object, PlanningProblem]:
+    return plan_on(synthetic_field(world_from_ascii("A....\n.....\nB...C")), blind=blind)
 
 
 @pytest.mark.parametrize("blind", [False, True])
