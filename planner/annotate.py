@@ -16,6 +16,7 @@ from planner.context import PlanningContext
 from planner.cost_space import CostSpace
 from planner.kernels.line_cost import polyline_pieces
 from planner.result import Path, Route, RouteSummary, Trajectory
+from planner.risk import collision_risk
 
 #: Waypoints are at most this far apart, m, or one cell where cells are larger.
 SPACING_M = 0.25
@@ -59,12 +60,16 @@ def annotate(
     path = _path(points[at], s, rows[cell], cols[cell], context, cost_space.radius)
 
     kept = _smallest_clearance(points, cost_space)
+    probability, bound = path.collision_probability, path.collision_bound
+    judged = bool(np.isfinite(bound).any())
     exact = cost_space.line_cost(points) if cost is None else cost
     summary = RouteSummary(
         cost=exact,
         length=float(arc[-1]),
         duration=trajectory.duration,
         min_clearance=kept - cost_space.radius,
+        max_collision_probability=float(np.nanmax(probability)) if judged else None,
+        max_collision_bound=float(np.nanmax(bound)) if judged else None,
         **_uncertainty(field, rows, cols, lengths, begins),
     )
     return Route(path, trajectory, summary)
@@ -132,15 +137,19 @@ def _path(
     pan = field.pan[rows, cols]
     if not field.sensor.depends_on_heading:
         pan = np.asarray(wrap(field.heading + pan - heading))
+    covariance = field.covariance[rows, cols]
+    risk = collision_risk(context.clearance, points, covariance, radius)
     return Path(
         points=points,
         s=s,
         heading=heading,
-        covariance=field.covariance[rows, cols],
+        covariance=covariance,
         r95=context.r95[rows, cols],
         triplet=field.triplet[rows, cols],
         pan=pan,
         clearance=context.clearance.distance(points) - radius,
+        collision_probability=risk.tight,
+        collision_bound=risk.rigorous,
     )
 
 

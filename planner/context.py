@@ -10,12 +10,14 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from localization import covariance as cov
 from localization.uncertainty_field import UncertaintyField
 from maps.arrays import BoolArray, FloatArray, frozen
 from maps.clearance import ClearanceIndex
 from planner.cost_space import cost_space_for
 from planner.cost_to_go import CostToGo, GridGraph, Place
-from planner.extras import NO_EXTRAS, Extras, cost_factors, forbidden_cells
+from planner.extras import NO_EXTRAS, Extras, cost_factors, forbidden_cells, judged_covariance
+from planner.risk import cell_probabilities
 
 #: Memory for graphs and for costs to go, bytes each.
 CACHE_BYTES = 256_000_000
@@ -104,6 +106,36 @@ class PlanningContext:
             return graph, graph.half.nbytes + space.rate.nbytes + space.passable.nbytes
 
         return self._cached(self._graphs, (radius, weight, max_r95, blind_rate, extras), build)
+
+    def values_of(self, name: str, radius: float, blind_r95: float | None = None) -> FloatArray:
+        """Shape (ny, nx): what a bound is compared with in each cell; NaN where it says nothing.
+
+        Parameters
+        ----------
+        name
+            ``max_r95_m``, ``max_ellipse95_m`` or ``max_collision_probability``.
+        radius
+            Of the robot's disc, m.
+        blind_r95
+            What stands for r95 without a fix when collisions are judged, m.
+        """
+        if name == "max_r95_m":
+            return self.r95
+
+        def build() -> tuple[FloatArray, int]:
+            if name == "max_ellipse95_m":
+                values = np.ascontiguousarray(cov.ellipse95(self.field.covariance)[..., 0])
+            else:
+                values = cell_probabilities(
+                    self.clearance,
+                    self.field.frame.centres(),
+                    self.centre_clearance,
+                    judged_covariance(self.field, blind_r95),
+                    radius=radius,
+                )
+            return frozen(values), values.nbytes
+
+        return self._cached(self._costs, (name, radius, blind_r95), build)
 
     def _of_extras(self, extras: Extras, radius: float) -> tuple[BoolArray | None, FloatArray | None]:
         """Cells that extras close, and factors of cost."""

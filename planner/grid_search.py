@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -32,8 +32,8 @@ class Way:
         Shape (K, 2), W, m, from start to goal.
     grid_cost
         Cost of the optimal grid path; None when only the straight line from start to goal is valid.
-    bound
-        The smallest possible ``max_r95`` when the one asked for cannot be kept, m; else None.
+    relaxed
+        Bounds that cannot be kept: name of the constraint and the smallest value for which there is a path.
     is_blind_forced
         Whether it goes without a fix although that was forbidden.
     """
@@ -42,75 +42,159 @@ class Way:
     to_go: CostToGo
     points: FloatArray
     grid_cost: float | None
-    bound: float | None = None
+    relaxed: tuple[tuple[str, float], ...] = ()
     is_blind_forced: bool = False
+
+    @property
+    def bound(self) -> float | None:
+        """Smallest possible ``max_r95``, m, where the one asked for cannot be kept; else None."""
+        return dict(self.relaxed).get("max_r95_m")
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """What a search must keep: the names are those of the constraints in a plan's answer."""
+
+    max_r95_m: float | None
+    max_ellipse95_m: float | None
+    max_collision_probability: float | None
+
+    def given(self) -> list[str]:
+        """Names of those that are set."""
+        return [f.name for f in fields(self) if getattr(self, f.name) is not None]
 
 
 def find_way(problem: PlanningProblem, context: PlanningContext, clock: Clock) -> Way | None:
     """Best path on the grid.
 
-    When the bounds cannot be kept, first ``max_r95`` is raised to the smallest value for which there is a
-    path; if that is not enough, cells without a fix are entered, as few as possible; then both.
+    When the bounds cannot be kept, one of them is raised to the smallest value for which there is a path, the
+    others kept; if that is not enough, all are raised, one after the other; then cells without a fix are
+    entered, as few as possible, and bounds raised as before. ``minimax`` searches the shortest path under the
+    smallest possible bound on r95.
 
     Returns
     -------
     way
         None when there is no path at all, or the deadline came first.
     """
-    weight = problem.effective_weight
-    blind = None if problem.blind_r95 is None else 1.0 + weight * problem.blind_r95
+    search = _Search(problem, context, clock)
     with clock.stop_flag() as stop:
-        way = _search(problem, context, stop, weight=weight, max_r95=problem.max_r95, blind_rate=blind)
-        if way is None and problem.max_r95 is not None and not clock.is_over():
-            way = _with_smallest_bound(problem, context, stop, weight=weight, blind_rate=blind)
-        if way is None and blind is None and not clock.is_over():
-            way = _search(
-                problem, context, stop, weight=weight, max_r95=problem.max_r95, blind_rate=_BLIND_RATE
-            )
-            if way is None and problem.max_r95 is not None and not clock.is_over():
-                way = _with_smallest_bound(problem, context, stop, weight=weight, blind_rate=_BLIND_RATE)
+        search.stop = stop
+        for forced in (False, True) if problem.blind_r95 is None else (False,):
+            if forced:
+                search.blind_rate = _BLIND_RATE
+            way = search.within()
+            if way is None and len(search.bounds.given()) > 1 and not clock.is_over():
+                way = search.with_all_raised()
             if way is not None:
-                return Way(way.graph, way.to_go, way.points, way.grid_cost, way.bound, is_blind_forced=True)
-    return way
+                return replace(way, is_blind_forced=forced)
+            if clock.is_over():
+                break
+    return None
 
 
 def find_shortest(problem: PlanningProblem, context: PlanningContext, clock: Clock) -> Way | None:
     """Shortest path on the grid, whatever its uncertainty."""
+    search = _Search(problem, context, clock)
+    search.weight, search.blind_rate = 0.0, 1.0
+    search.extras = problem.extras.without_bounds().without_areas()
     with clock.stop_flag() as stop:
-        return _search(problem, context, stop, weight=0.0, max_r95=None, blind_rate=1.0)
+        search.stop = stop
+        return search.under(_NO_BOUNDS)
 
 
-def _search(
-    problem: PlanningProblem,
-    context: PlanningContext,
-    stop: Stop,
-    *,
-    weight: float,
-    max_r95: float | None,
-    blind_rate: float | None,
-) -> Way | None:
-    graph = context.graph(radius=problem.radius, weight=weight, max_r95=max_r95, blind_rate=blind_rate)
-    to_go = context.costs_to(graph, problem.goal, stop=stop)
-    cost, points = to_go.path_from(problem.start)
-    line = np.array([problem.start, problem.goal])
-    straight = graph.cost_space.line_cost(line)
-    grid_cost = cost if math.isfinite(cost) else None
-    if math.isfinite(straight) and straight <= cost:
-        points = line
-    return None if points is None else Way(graph, to_go, points, grid_cost)
+_NO_BOUNDS = Bounds(None, None, None)
 
 
-def _with_smallest_bound(
-    problem: PlanningProblem,
-    context: PlanningContext,
-    stop: Stop,
-    *,
-    weight: float,
-    blind_rate: float | None,
-) -> Way | None:
-    free = context.graph(radius=problem.radius, weight=weight, max_r95=None, blind_rate=blind_rate)
-    bound = smallest_bound(free, context.r95, problem.start, problem.goal)
-    if not math.isfinite(bound):
-        return None
-    way = _search(problem, context, stop, weight=weight, max_r95=bound, blind_rate=blind_rate)
-    return None if way is None else Way(way.graph, way.to_go, way.points, way.grid_cost, bound)
+class _Search:
+    """Searches of one question under changing bounds."""
+
+    def __init__(self, problem: PlanningProblem, context: PlanningContext, clock: Clock) -> None:
+        self.problem = problem
+        self.context = context
+        self.clock = clock
+        self.stop: Stop = np.zeros(1, dtype=np.uint8)
+        self.weight = problem.effective_weight
+        blind = problem.blind_r95
+        self.blind_rate = None if blind is None else 1.0 + self.weight * blind
+        self.extras = problem.extras
+        self.bounds = Bounds(problem.max_r95, problem.max_ellipse95, problem.max_collision_probability)
+
+    def within(self) -> Way | None:
+        """Under all bounds, or with one of them raised as little as possible."""
+        if self.problem.objective == "minimax":
+            return self._minimax()
+        way = self.under(self.bounds)
+        for name in self.bounds.given():
+            if way is not None or self.clock.is_over():
+                break
+            way = self._with_smallest(name, self.bounds)
+        return way
+
+    def _minimax(self) -> Way | None:
+        """Shortest under the smallest worst r95 that the other bounds leave."""
+        others = replace(self.bounds, max_r95_m=None)
+        asked = self.problem.max_r95
+        found = self._with_smallest("max_r95_m", others)
+        if found is None:
+            return None
+        (_, least), *_ = found.relaxed
+        return replace(found, relaxed=() if asked is None or least <= asked else (("max_r95_m", least),))
+
+    def with_all_raised(self) -> Way | None:
+        """Every bound that is given raised to the smallest possible, one after the other."""
+        relaxed: list[tuple[str, float]] = []
+        bounds = _NO_BOUNDS
+        way = self.under(bounds)
+        for name in self.bounds.given():
+            if way is None or self.clock.is_over():
+                break
+            asked = getattr(self.bounds, name)
+            kept = self.under(replace(bounds, **{name: asked}))
+            if kept is not None:
+                bounds, way = replace(bounds, **{name: asked}), kept
+                continue
+            raised = self._with_smallest(name, bounds)
+            if raised is None:
+                break
+            relaxed += raised.relaxed
+            bounds, way = replace(bounds, **dict(raised.relaxed)), raised
+        return None if way is None else replace(way, relaxed=tuple(relaxed))
+
+    def under(self, bounds: Bounds) -> Way | None:
+        """Optimal path on the grid under bounds."""
+        problem, context = self.problem, self.context
+        graph = self._graph(bounds)
+        to_go = context.costs_to(graph, problem.goal, stop=self.stop)
+        cost, points = to_go.path_from(problem.start)
+        line = np.array([problem.start, problem.goal])
+        straight = graph.cost_space.line_cost(line)
+        grid_cost = cost if math.isfinite(cost) else None
+        if math.isfinite(straight) and straight <= cost:
+            points = line
+        return None if points is None else Way(graph, to_go, points, grid_cost)
+
+    def _graph(self, bounds: Bounds) -> GridGraph:
+        return self.context.graph(
+            radius=self.problem.radius,
+            weight=self.weight,
+            max_r95=bounds.max_r95_m,
+            blind_rate=self.blind_rate,
+            extras=replace(
+                self.extras,
+                max_ellipse95=bounds.max_ellipse95_m,
+                max_probability=bounds.max_collision_probability,
+            ),
+        )
+
+    def _with_smallest(self, name: str, bounds: Bounds) -> Way | None:
+        """Under bounds of which the named one is replaced by the smallest for which there is a path."""
+        free = self._graph(replace(bounds, **{name: None}))
+        values = self.context.values_of(name, self.problem.radius, self.extras.blind_r95)
+        least = smallest_bound(free, values, self.problem.start, self.problem.goal)
+        if not math.isfinite(least):
+            return None
+        if name == "max_collision_probability" and least >= 1:
+            return None
+        way = self.under(replace(bounds, **{name: least}))
+        return None if way is None else replace(way, relaxed=((name, least),))

@@ -217,7 +217,13 @@ def _asked_cost(points: FloatArray, problem: PlanningProblem, context: PlanningC
     """Integral of the objective that was asked for, bounds left aside; inf across forbidden blind cells."""
     weight = problem.effective_weight
     blind = None if problem.blind_r95 is None else 1.0 + weight * problem.blind_r95
-    graph = context.graph(radius=problem.radius, weight=weight, max_r95=None, blind_rate=blind)
+    graph = context.graph(
+        radius=problem.radius,
+        weight=weight,
+        max_r95=None,
+        blind_rate=blind,
+        extras=problem.extras.without_bounds(),
+    )
     return graph.cost_space.line_cost(points)
 
 

@@ -43,6 +43,9 @@ class Path:
         to the heading that it was computed for), rad; NaN where blind or without a pan head.
     clearance
         Shape (N,): distance from the robot's centre to the nearest obstacle, minus its radius, m.
+    collision_probability, collision_bound
+        Shape (N,): probability of touching something by the error of one fix: bound that knows the error's
+        direction, and the coarser ``exp(-c² / (2 λ_max))`` (:mod:`planner.risk`); both hold. NaN where blind.
     """
 
     points: FloatArray
@@ -53,9 +56,13 @@ class Path:
     triplet: IntArray
     pan: FloatArray
     clearance: FloatArray
+    collision_probability: FloatArray
+    collision_bound: FloatArray
 
     def __post_init__(self) -> None:
         for name in ("points", "s", "heading", "covariance", "r95", "pan", "clearance"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+        for name in ("collision_probability", "collision_bound"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
         object.__setattr__(self, "triplet", frozen(self.triplet, np.int16))
 
@@ -98,7 +105,8 @@ class RouteSummary:
     ``cost`` is the objective's integral along the path, bounds left aside; inf where it drives without a fix
     and the question has no ``blind_r95``. Means are per metre driven over the part with a
     fix; ``blind`` is the length without one; ``worst_at`` the arc length where r95 is largest.
-    ``mean_r95`` and the other figures of uncertainty are None when the whole route is blind.
+    ``mean_r95`` and the other figures of uncertainty are None when the whole route is blind. The collision
+    figures are the largest of the waypoints with a fix.
     """
 
     cost: float
@@ -111,6 +119,8 @@ class RouteSummary:
     worst_at: float | None
     blind: float
     min_clearance: float
+    max_collision_probability: float | None = None
+    max_collision_bound: float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,13 +139,14 @@ class Unmet:
     Attributes
     ----------
     bound
-        Name of the constraint: ``max_r95_m`` or ``blind``.
+        Name of the constraint: ``max_r95_m``, ``max_ellipse95_m``, ``max_collision_probability``, ``blind``.
     limit, value
-        What was asked and what the route has, m; for ``blind`` 0 and the length without a fix.
+        What was asked and what the route has (m, or a probability); for ``blind`` 0 and the length without a
+        fix.
     place
         (x, y) in W, m, of the worst point; for ``blind`` of the first without a fix.
     smallest_possible
-        The smallest bound for which a path exists, m; None if none does.
+        The smallest bound for which a path exists; None if none does.
     message
         The same in words.
     """

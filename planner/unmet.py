@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from localization import covariance as cov
 from planner.context import PlanningContext
 from planner.grid_search import Way
 from planner.problem import PlanningProblem
@@ -26,18 +27,9 @@ def unmet_bounds(
     """
     out = []
     cell = context.field.frame.resolution
+    for name, least in way.relaxed:
+        out.append(_bound_not_kept(name, least, problem, route, cell))
     summary = route.summary
-    if way.bound is not None and problem.max_r95 is not None:
-        x, y = _place_of_worst(route)
-        value = summary.max_r95 if summary.max_r95 is not None else way.bound
-        limit = problem.max_r95
-        message = (
-            f"No path keeps r95 at or below {limit:g} m. The smallest bound that has a path is "
-            f"{round_up(way.bound)} m (on cells of {cell:g} m); the route returned keeps it and is worst, "
-            f"{round_up(value)} m, at ({x:.2f}, {y:.2f}) m. Raise max_r95_m to {round_up(way.bound)}, or "
-            "place landmarks there."
-        )
-        out.append(Unmet("max_r95_m", limit, value, (x, y), way.bound, message))
     if way.is_blind_forced:
         x, y = _first_blind_place(route)
         message = (
@@ -50,6 +42,39 @@ def unmet_bounds(
     return tuple(out)
 
 
+# constraint -> attribute of the problem, of the summary, words, unit
+_BOUNDS = {
+    "max_r95_m": ("max_r95", "max_r95", "r95", " m"),
+    "max_ellipse95_m": ("max_ellipse95", "max_ellipse95", "the 95 % ellipse's semi-major axis", " m"),
+    "max_collision_probability": (
+        "max_collision_probability",
+        "max_collision_probability",
+        "the collision probability of every pose",
+        "",
+    ),
+}
+
+
+def _bound_not_kept(name: str, least: float, problem: PlanningProblem, route: Route, cell: float) -> Unmet:
+    asked, reached, words, unit = _BOUNDS[name]
+    limit = getattr(problem, asked)
+    got = getattr(route.summary, reached)
+    value = least if got is None else got
+    x, y = _place_of_worst(name, route)
+    clear = route.path.clearance
+    room = ""
+    if name == "max_collision_probability" and len(clear):
+        k = int(np.nanargmax(np.nan_to_num(route.path.collision_probability, nan=-1.0)))
+        room = f" There the robot has {max(0.0, float(clear[k]) - problem.radius):.2f} m of room."
+    message = (
+        f"No path keeps {words} at or below {limit:g}{unit}. The smallest bound that has a path is "
+        f"{round_up(least)}{unit} (on cells of {cell:g} m); the route returned keeps it and is worst, "
+        f"{round_up(value)}{unit}, at ({x:.2f}, {y:.2f}) m.{room} Raise {name} to {round_up(least)}, or "
+        "place landmarks there."
+    )
+    return Unmet(name, limit, value, (x, y), least, message)
+
+
 def round_up(value: float) -> str:
     """Three significant digits, rounded up: as a bound the number in the text must be enough."""
     if value <= 0:
@@ -58,12 +83,18 @@ def round_up(value: float) -> str:
     return f"{math.ceil(value * scale * (1 - 1e-12)) / scale:.6g}"
 
 
-def _place_of_worst(route: Route) -> tuple[float, float]:
+def _place_of_worst(name: str, route: Route) -> tuple[float, float]:
     points, s = route.path.points, route.path.s
-    at = route.summary.worst_at
-    if at is None:
-        return (float(points[0, 0]), float(points[0, 1]))
-    return (float(np.interp(at, s, points[:, 0])), float(np.interp(at, s, points[:, 1])))
+    if name == "max_r95_m":
+        at = route.summary.worst_at
+        if at is None:
+            return (float(points[0, 0]), float(points[0, 1]))
+        return (float(np.interp(at, s, points[:, 0])), float(np.interp(at, s, points[:, 1])))
+    values = route.path.collision_probability
+    if name == "max_ellipse95_m":
+        values = cov.ellipse95(route.path.covariance)[:, 0]
+    k = int(np.argmax(np.nan_to_num(values, nan=-1.0)))
+    return (float(points[k, 0]), float(points[k, 1]))
 
 
 def _first_blind_place(route: Route) -> tuple[float, float]:

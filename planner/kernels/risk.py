@@ -119,9 +119,11 @@ def bounds_at(
             continue
         c = point_distance(x, y, np.inf, segments, bucket_start, bucket_items, bucket_gap, grid) - need
         out_isotropic[i] = isotropic_bound(c, xx, xy, yy)
-        out_sector[i] = sector_bound(
-            x, y, xx, xy, yy, need, n_sectors, 1.0, segments, bucket_start, bucket_items, bucket_gap, grid
-        )
+        out_sector[i] = out_isotropic[i]
+        if out_isotropic[i] > _SURE:
+            out_sector[i] = sector_bound(
+                x, y, xx, xy, yy, need, n_sectors, 1.0, segments, bucket_start, bucket_items, bucket_gap, grid
+            )
 
 
 @njit(cache=True, nogil=True)

@@ -11,7 +11,7 @@ from planner.result import Path, PlanResult, PlanStatus, Trajectory
 def test_arrays_are_copied_and_read_only():
     points = np.zeros((2, 2))
     n = np.zeros(2)
-    path = Path(points, n, n, np.zeros((2, 3)), n, np.zeros((2, 3), dtype=int), n, n)
+    path = Path(points, n, n, np.zeros((2, 3)), n, np.zeros((2, 3), dtype=int), n, n, n, n)
     points[0, 0] = 7.0
     assert path.points[0, 0] == 0.0
     assert path.triplet.dtype == np.int16
