@@ -674,3 +674,82 @@ def share_inside(three, variances, axis, column_variance, normals):
     found = np.abs(off).max(axis=1) < 1e-6
     precision = np.linalg.inv(mas97_covariance((0.0, 0.0), three, variances))
     return float(np.mean(found & (np.einsum("ni,ij,nj->n", place, precision, place) <= -2 * math.log(0.05))))
+
+
+# --- planner: poses ---
+
+
+def pose_along(pose, parts):
+    """Pose after parts (way, curvature, turn), in closed form part by part."""
+    x, y, theta = pose
+    for way, kappa, turn in parts:
+        if kappa == 0:
+            x, y = x + way * math.cos(theta), y + way * math.sin(theta)
+        else:
+            x += (math.sin(theta + way * kappa) - math.sin(theta)) / kappa
+            y -= (math.cos(theta + way * kappa) - math.cos(theta)) / kappa
+        theta += way * kappa + turn
+    return x, y, theta
+
+
+def curve_cost(curve, space, step):
+    """Cost of a curve by small steps, the rate taken in their middles, and the least clearance on the way."""
+    total, kept, gear = 0.0, math.inf, 0
+    pose = tuple(curve.start)
+    frame = space.cost_space.frame
+    for way, kappa, turn in curve.parts:
+        total += space.steering.turn_price * abs(turn)
+        if way:
+            total += space.steering.gear_price * (gear * way < 0)
+            gear = 1 if way > 0 else -1
+        n = max(1, math.ceil(abs(way) / step))
+        places = [pose_along(pose, [(way * (k + 0.5) / n, kappa, 0.0)]) for k in range(n if way else 0)]
+        for place in places:
+            row, col = (int(v) for v in frame.cell_at(place[:2]))
+            which = round(place[2] / (2 * math.pi) * len(space.rates)) % len(space.rates)
+            inside = 0 <= row < frame.n_rows and 0 <= col < frame.n_cols
+            total += abs(way) / n * (space.rates[which, row, col] if inside else math.inf)
+        if places:
+            kept = min(kept, float(space.cost_space.clearance.distance(np.array(places)[:, :2]).min()))
+        pose = pose_along(pose, [(way, kappa, turn)])
+    return total, kept
+
+
+# --- planner: label searches ---
+
+
+def cheapest_with_stretches(rate, passable, has_fix, source, target, *, resolution, limit):
+    """Cheapest 8-connected walk whose stretches without a fix are at most ``limit``: cost over every label
+    (cell, metres since the last fix), none dropped but repeated ones; inf without a walk."""
+    done, waiting = set(), [(0.0, source, 0.0)]
+    while waiting:
+        cost, cell, metres = heapq.heappop(waiting)
+        if cell == target:
+            return cost
+        if (cell, round(metres, 9)) in done:
+            continue
+        done.add((cell, round(metres, 9)))
+        for dr, dc in itertools.product((-1, 0, 1), repeat=2):
+            to = (cell[0] + dr, cell[1] + dc)
+            inside = 0 <= to[0] < rate.shape[0] and 0 <= to[1] < rate.shape[1]
+            if not (dr or dc) or not inside or not passable[to]:
+                continue
+            half = (dr * dr + dc * dc) ** 0.5 * resolution / 2
+            until = metres + (0.0 if has_fix[cell] else half)
+            since = 0.0 if has_fix[to] else until + half
+            if max(until, since) <= limit + 1e-9:
+                heapq.heappush(waiting, (cost + half * (rate[cell] + rate[to]), to, since))
+    return math.inf
+
+
+def smallest_stretch(rate, passable, has_fix, source, target, *, resolution):
+    """Smallest limit with which ``cheapest_with_stretches`` finds a walk, by bisection."""
+    low, high = 0.0, 2.0 * resolution * rate.size
+    options = {"resolution": resolution}
+    if cheapest_with_stretches(rate, passable, has_fix, source, target, limit=high, **options) == math.inf:
+        return math.inf
+    while high - low > 1e-6:
+        middle = 0.5 * (low + high)
+        cost = cheapest_with_stretches(rate, passable, has_fix, source, target, limit=middle, **options)
+        low, high = (low, middle) if cost < math.inf else (middle, high)
+    return high
