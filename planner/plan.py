@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from planner.narrow import is_disconnected, refined
 from planner.problem import PlanningProblem
 from planner.result import PlanResult, PlanStatus, Route, Trajectory
 from planner.timing import time_polyline
-from planner.unmet import unmet_bounds
+from planner.unmet import keeps_risk, unmet_bounds
 
 Report = Callable[[PlanResult], None]
 
@@ -31,6 +31,9 @@ Report = Callable[[PlanResult], None]
 _ROUTE_SHARES = (0.35, 0.85)
 _SHORTEST_SHARES = (0.6, 1.0)
 _GAIN = 1e-9
+# Where a smoothed path passes closer than the centres of its cells, the grid is asked for this share of the
+# collision probability.
+_RISK_SHARES = (0.4, 0.1)
 
 
 @dataclass(slots=True)
@@ -94,9 +97,10 @@ def plan(problem: PlanningProblem, context: PlanningContext, *, report: Report |
 
     tell(way.points)
     route = _finish(way, problem, context, clock, work, tell)
+    kept, route = _within_risk(way, route, problem, context, clock, work)
     clock.seconds["to_final_path"] = clock.elapsed
-    shortest = _shortest(problem, context, clock, work, way, route)
-    return _result(problem, way, route, shortest, work, clock, context)
+    shortest = _shortest(problem, context, clock, work, kept, route)
+    return _result(problem, kept, route, shortest, work, clock, context)
 
 
 def _finish(
@@ -139,6 +143,30 @@ def _finish(
     with clock.stage("annotate"):
         final = np.asarray(trajectory.points)
         return annotate(trajectory, context, space, cost=_asked_cost(final, problem, context))
+
+
+def _within_risk(
+    way: Way, route: Route, problem: PlanningProblem, context: PlanningContext, clock: Clock, work: _Work
+) -> tuple[Way, Route]:
+    """A route that keeps the collision probability between the cells' centres, too, where the grid has one.
+
+    The grid judges centres; a smoothed path passes beside them. Where it goes too close, the grid is asked
+    for less.
+    """
+    limit = problem.max_collision_probability
+    if limit is None or way.relaxed or keeps_risk(route, limit):
+        return way, route
+    for share in _RISK_SHARES:
+        if clock.is_over():
+            break
+        with clock.stage("risk"):
+            careful = find_way(replace(problem, max_collision_probability=share * limit), context, clock)
+        if careful is None or careful.relaxed or careful.is_blind_forced != way.is_blind_forced:
+            break
+        other = _finish(careful, problem, context, clock, work)
+        if keeps_risk(other, limit):
+            return careful, other
+    return way, route
 
 
 def _move(points: FloatArray, cost: float, way: Way, problem: PlanningProblem, deadline_at: float) -> Motion:

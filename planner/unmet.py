@@ -30,6 +30,9 @@ def unmet_bounds(
     for name, least in way.relaxed:
         out.append(_bound_not_kept(name, least, problem, route, cell))
     summary = route.summary
+    limit = problem.max_collision_probability
+    if limit is not None and not keeps_risk(route, limit) and not any(u.bound == _RISK for u in out):
+        out.append(_bound_missed(limit, route))
     if way.is_blind_forced:
         x, y = _first_blind_place(route)
         message = (
@@ -42,6 +45,7 @@ def unmet_bounds(
     return tuple(out)
 
 
+_RISK = "max_collision_probability"
 # constraint -> attribute of the problem, of the summary, words, unit
 _BOUNDS = {
     "max_r95_m": ("max_r95", "max_r95", "r95", " m"),
@@ -65,7 +69,7 @@ def _bound_not_kept(name: str, least: float, problem: PlanningProblem, route: Ro
     room = ""
     if name == "max_collision_probability" and len(clear):
         k = int(np.nanargmax(np.nan_to_num(route.path.collision_probability, nan=-1.0)))
-        room = f" There the robot has {max(0.0, float(clear[k]) - problem.radius):.2f} m of room."
+        room = f" There the robot has {max(0.0, float(clear[k])):.2f} m of room."
     message = (
         f"No path keeps {words} at or below {limit:g}{unit}. The smallest bound that has a path is "
         f"{round_up(least)}{unit} (on cells of {cell:g} m); the route returned keeps it and is worst, "
@@ -73,6 +77,26 @@ def _bound_not_kept(name: str, least: float, problem: PlanningProblem, route: Ro
         "place landmarks there."
     )
     return Unmet(name, limit, value, (x, y), least, message)
+
+
+def keeps_risk(route: Route, limit: float) -> bool:
+    """Whether no waypoint's collision probability is above a limit."""
+    worst = route.summary.max_collision_probability
+    return worst is None or worst <= limit * (1 + 1e-9)
+
+
+def _bound_missed(limit: float, route: Route) -> Unmet:
+    """The grid has a path within the limit, the route that it became has not."""
+    x, y = _place_of_worst(_RISK, route)
+    k = int(np.argmax(np.nan_to_num(route.path.collision_probability, nan=-1.0)))
+    value = float(route.path.collision_probability[k])
+    room = max(0.0, float(route.path.clearance[k]))
+    message = (
+        f"The route's collision probability is {round_up(value)} at ({x:.2f}, {y:.2f}) m, where the robot "
+        f"has {room:.2f} m of room; {limit:g} was asked for. The centres of the cells keep it: a field on "
+        "smaller cells may help."
+    )
+    return Unmet(_RISK, limit, value, (x, y), None, message)
 
 
 def round_up(value: float) -> str:
