@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from localization.errors import FieldFormatError
-from localization.sensors import PRESETS, Sensor
+from localization.heading_field import HeadingField
+from localization.sensors import CRITERIA, PRESETS, Sensor
 from localization.uncertainty_field import UncertaintyField
 from maps.errors import MapFormatError
 from maps.io.load import load_world
@@ -32,6 +32,30 @@ Landmarks_ = Annotated[
 UnknownFree_ = Annotated[bool, typer.Option("--unknown-is-free", help="Let robots drive on unknown cells.")]
 UnknownOpaque_ = Annotated[
     bool, typer.Option("--unknown-is-opaque", help="Let unknown cells stop lines of sight.")
+]
+Sensor_ = Annotated[
+    str,
+    typer.Option(
+        metavar="SENSOR",
+        help="A preset (laser: 0.1°, 30 m; mas97: the paper's camera on its pan head; forward: the same "
+        'camera, fixed) or a JSON file such as {"kind": "omnidirectional", "bearing_sigma_deg": 0.1, '
+        '"max_range_m": 25, "muted": [{"begin_deg": 170, "end_deg": -170}]}, {"kind": "pinhole_pan", '
+        '"fov_deg": 53.13, "focal_px": 512, "column_sigma_px": 5, "pan_min_deg": -90, "pan_max_deg": 90} or '
+        '{"kind": "pinhole_fixed", "fov_deg": 90, "focal_px": 500, "column_sigma_px": 1}; every kind takes '
+        'min_range_m, max_range_m, bearing_floor_deg and "mount": {"x_m": 0.2, "y_m": 0, "theta_deg": 0}.',
+    ),
+]
+HEADING_HELP = (
+    "Heading of the robot, for sensors that see otherwise when it turns: fixed cameras, limited pan heads, "
+    "muted sectors, mounts off the robot's centre."
+)
+Criterion_ = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        help=f"What makes a triplet better, one of {', '.join(CRITERIA)}: area or major axis of the "
+        "95 % ellipse, or the sum of the position variances.",
+    ),
 ]
 Field_ = Annotated[Path, typer.Argument(metavar="FIELD.zarr", help="A field made by 'surepath field'.")]
 
@@ -82,23 +106,17 @@ def read_sensor(source: str) -> Sensor:
     return sensor_from_json(read_json_file(source, what=f"sensor (or preset: {', '.join(PRESETS)})"))
 
 
-def read_field(path: Path) -> UncertaintyField:
-    """Field of one heading from a file.
+def read_field(path: Path) -> UncertaintyField | HeadingField:
+    """Field from a file, at one heading or over headings.
 
     Raises
     ------
     FieldFormatError
-        If there is none, or it is one over headings.
+        If there is none.
     """
-    from localization.heading_field import HeadingField  # noqa: PLC0415  (zarr loads only here)
-    from localization.io.field_file import load_field  # noqa: PLC0415
+    from localization.io.field_file import load_field  # noqa: PLC0415  (zarr loads only here)
 
-    loaded = load_field(path)
-    if isinstance(loaded, HeadingField):
-        raise FieldFormatError(
-            f"'{path}' is a field over {len(loaded)} headings; save one heading of it, or a reduction."
-        )
-    return loaded
+    return load_field(path)
 
 
 def write_file(path: Path, data: bytes) -> None:

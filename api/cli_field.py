@@ -6,11 +6,15 @@ import math
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
 from api.cli_common import (
+    HEADING_HELP,
+    Criterion_,
     Field_,
     Landmarks_,
+    Sensor_,
     UnknownFree_,
     UnknownOpaque_,
     World_,
@@ -20,58 +24,99 @@ from api.cli_common import (
     write_file,
 )
 from api.colormaps import COLORMAPS
-from api.console import field_table, out, progress_bar
-from localization.uncertainty_field import METRICS
+from api.console import field_table, out, print_note, progress_bar
+from localization.errors import LocalizationError
+from localization.heading_field import HeadingField
+from localization.method import ESTIMATORS, FieldMethod
+from localization.uncertainty_field import METRICS, UncertaintyField
 
 
 def field(
     world: World_,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FIELD.zarr", help="Folder to write.")],
     landmarks: Landmarks_ = None,
-    sensor: Annotated[
-        str,
-        typer.Option(
-            metavar="SENSOR",
-            help="A preset (laser: 0.1°, 30 m; mas97: the paper's camera) or a JSON file such as "
-            '{"kind": "omnidirectional", "bearing_sigma_deg": 0.1, "max_range_m": 25} or '
-            '{"kind": "pinhole_pan", "fov_deg": 53.13, "focal_px": 512, "column_sigma_px": 5}.',
-        ),
-    ] = "laser",
+    sensor: Sensor_ = "laser",
     resolution: Annotated[float, typer.Option(metavar="M", help="Side of a cell, m.")] = 0.1,
     heading_deg: Annotated[
-        float, typer.Option(metavar="DEG", help="Heading of the robot; matters for limited pan heads only.")
-    ] = 0.0,
+        float | None, typer.Option(metavar="DEG", help=f"{HEADING_HELP} Default 0.", show_default=False)
+    ] = None,
+    headings: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N", help="Compute N evenly spaced headings instead, from 0 on: a field over headings."
+        ),
+    ] = None,
+    estimator: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help=f"What a fix is made of, one of {', '.join(ESTIMATORS)}: the best three landmarks in view, "
+            "or all of them by weighted least squares (validity is not known then).",
+        ),
+    ] = "best_triplet",
+    criterion: Criterion_ = "area",
     unknown_is_free: UnknownFree_ = False,
     unknown_is_opaque: UnknownOpaque_ = False,
     threads: Annotated[int | None, typer.Option(help="Threads; default: one per core.")] = None,
 ) -> None:
     """Compute the sensory uncertainty field of a map.
 
-    For every free cell: the best visible landmark triplet, the covariance of the fix that it gives and
-    the area of its 95 % ellipse. The result is a zarr group that xarray opens; it carries map and
-    sensor, so that plans need nothing else.
+    For every free cell: the best visible landmark triplet, the covariance of the fix that it gives, the
+    area of its 95 % ellipse, and whether first order holds there. The result is a zarr group that xarray
+    opens; it carries map and sensor, so that plans need nothing else.
     """
-    from localization.field_builder import build_field  # noqa: PLC0415
+    from localization.field_builder import build_field, build_heading_field  # noqa: PLC0415
     from localization.io.field_file import check_target, save_field  # noqa: PLC0415
 
+    method = FieldMethod(estimator, criterion)  # type: ignore[arg-type]  # it checks itself
     chosen = read_sensor(sensor)
+    _check_headings(heading_deg, headings)
     loaded = read_world(
         world, landmarks, unknown_is_free=unknown_is_free, unknown_is_opaque=unknown_is_opaque
     )
     check_target(output)
+    built: UncertaintyField | HeadingField
     with progress_bar() as bar:
         task = bar.add_task(f"field of {loaded.name}", total=None)
-        built = build_field(
-            loaded,
-            chosen,
-            resolution=resolution,
-            heading=math.radians(heading_deg),
-            threads=threads,
-            progress=lambda done, total: bar.update(task, completed=done, total=total),
-        )
+
+        def progress(done: int, total: int) -> None:
+            bar.update(task, completed=done, total=total)
+
+        if headings is None:
+            built = build_field(
+                loaded,
+                chosen,
+                resolution=resolution,
+                heading=math.radians(heading_deg or 0.0),
+                method=method,
+                threads=threads,
+                progress=progress,
+            )
+        else:
+            built = build_heading_field(
+                loaded,
+                chosen,
+                resolution=resolution,
+                headings=headings,
+                method=method,
+                threads=threads,
+                progress=progress,
+            )
     save_field(built, output)
     out.print(field_table(built))
+    if chosen.depends_on_heading and headings is None and heading_deg is None:
+        print_note(
+            "this sensor sees otherwise when the robot turns; the field is for heading 0°. "
+            "Give --heading-deg, or --headings 36 for all."
+        )
     out.print(f"written: {output}", highlight=False)
+
+
+def _check_headings(heading_deg: float | None, headings: int | None) -> None:
+    if heading_deg is not None and headings is not None:
+        raise LocalizationError("Give --heading-deg or --headings, not both.")
+    if heading_deg is not None and not math.isfinite(heading_deg):
+        raise LocalizationError(f"Heading is {heading_deg}°; it must be finite.")
 
 
 def heatmap(
@@ -90,12 +135,28 @@ def heatmap(
     scale: Annotated[str, typer.Option(help="log or linear.")] = "log",
     colormap: Annotated[str, typer.Option(help=f"One of {', '.join(COLORMAPS)}.")] = "viridis",
     legend: Annotated[bool, typer.Option(help="Colour bar at the right.")] = True,
+    heading: Annotated[
+        str | None,
+        typer.Option(
+            metavar="best|worst|mean|DEG",
+            help="Of a field over headings. worst: what the robot can count on whichever way it looks; a "
+            "heading without a fix is the worst, hatched (the default, and what plans use). best: what it "
+            "can have by turning on the spot. mean: of the metric, over the headings with a fix. DEG: the "
+            "nearest heading.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
-    """Draw a field. Hatched: free cells where fewer than three landmarks are seen together."""
+    """Draw a field. Hatched: free cells without a fix; finely striped: a fix whose ellipse does not hold."""
+    from api.heading_view import view_of  # noqa: PLC0415
     from api.render import heatmap_png  # noqa: PLC0415
 
+    loaded = read_field(field_path)
+    view = view_of(loaded, heading, metric)
+    if isinstance(loaded, HeadingField) and heading is None:
+        print_note(f"the worst of {len(loaded)} headings is shown; see --heading.{_lost(loaded)}")
     png = heatmap_png(
-        read_field(field_path),
+        view,
         metric=metric,
         width=width,
         height=height,
@@ -108,3 +169,13 @@ def heatmap(
     )
     write_file(output, png)
     out.print(f"written: {output}", highlight=False)
+
+
+def _lost(loaded: HeadingField) -> str:
+    """What the worst heading hides, if it hides much."""
+    share = loaded.share_with_fix()[loaded.free]
+    some = int(np.count_nonzero((share > 0) & (share < 1)))
+    if not some:
+        return ""
+    percent = 100 * some / len(share)
+    return f" {percent:.0f} % of the free cells are hatched though they have a fix at other headings."

@@ -10,7 +10,8 @@ from typing import Annotated
 import typer
 
 from api.cli_common import EXIT_UNMET, Field_, read_field, write_file
-from api.console import err, print_plan
+from api.console import err, print_note, print_plan
+from localization.heading_field import HeadingField
 
 
 def plan(
@@ -51,6 +52,8 @@ def plan(
 ) -> None:
     """Plan a path through a field: the one on which the robot knows where it is.
 
+    A field over headings counts with the worst heading of every cell.
+
     Exit code 3 when no path keeps the bound (the best effort is written all the same).
     """
     from api.codec import plan_to_json  # noqa: PLC0415
@@ -72,7 +75,15 @@ def plan(
         deadline=deadline,
         seed=seed,
     )
-    loaded = read_field(field_path)
+    found = read_field(field_path)
+    if isinstance(found, HeadingField):
+        loaded = found.reduced("worst")
+        print_note(
+            f"the field is over {len(found)} headings; the plan counts on the worst of them in every cell, "
+            "and a heading without a fix is the worst."
+        )
+    else:
+        loaded = found
     with err.status("preparing …"):
         warm_up()  # compiling is not planning: the deadline starts afterwards
         context = PlanningContext(loaded)

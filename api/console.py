@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from localization.heading_field import HeadingField
 from localization.uncertainty_field import UncertaintyField
 
 out = Console()
@@ -28,19 +30,58 @@ def progress_bar() -> Progress:
     )
 
 
-def field_table(built: UncertaintyField) -> Table:
+def print_note(text: str) -> None:
+    """A remark on stderr, beside the answer."""
+    err.print(f"[yellow]note[/yellow] {escape(text)}", highlight=False, soft_wrap=True)
+
+
+def field_table(built: UncertaintyField | HeadingField) -> Table:
     """Figures of a field for people."""
     table = Table(show_header=False, box=None)
+    slices = built.slices if isinstance(built, HeadingField) else (built,)
     free = int(np.count_nonzero(built.free))
-    fixed = int(np.count_nonzero(built.has_fix))
     ny, nx = built.frame.shape
     table.add_row("cells", f"{nx} × {ny} at {built.frame.resolution:g} m, {free} free")
-    table.add_row("with a fix", f"{100 * fixed / max(free, 1):.1f} % of the free cells")
-    if fixed:
-        r95 = built.r95[built.has_fix]
-        low, mid, high = (float(v) for v in np.percentile(r95, [5, 50, 95]))
-        table.add_row("r95", f"{mid:.3f} m median, {low:.3f} … {high:.3f} m for the middle 90 %")
+    if isinstance(built, HeadingField):
+        table.add_row("headings", f"{len(built)}, every {360 / len(built):.4g}°")
+    method = built.method
+    of = (
+        "all landmarks in view"
+        if method.estimator == "all_visible"
+        else f"best triplet by {method.criterion}"
+    )
+    table.add_row("fix", of)
+    fixed = sum(int(np.count_nonzero(f.has_fix)) for f in slices)
+    total = max(free * len(slices), 1)
+    share = 100 * (total - fixed) / total
+    if isinstance(built, HeadingField):
+        table.add_row("without a fix", f"{share:.1f} % of free cells × headings")
+        with_fix = built.share_with_fix()[built.free]
+        for words, lost in (("one or more headings", with_fix < 1), ("every heading", with_fix == 0)):
+            part = 100 * int(np.count_nonzero(lost)) / max(free, 1)
+            table.add_row(f"  at {words}", f"{part:.1f} % of the free cells")
+    else:
+        table.add_row("without a fix", f"{share:.1f} % of the free cells")
+    if method.estimator == "all_visible":
+        table.add_row("not valid", "not known for all_visible")
+    else:
+        doubtful = fixed - sum(int(np.count_nonzero(f.is_valid)) for f in slices)
+        table.add_row("not valid", f"{100 * doubtful / max(fixed, 1):.1f} % of the fixes")
+    if isinstance(built, HeadingField):
+        for which in ("best", "worst"):
+            _add_r95(table, f"r95, {which} heading", built.reduced(which))
+    else:
+        _add_r95(table, "r95", built)
     return table
+
+
+def _add_r95(table: Table, name: str, field: UncertaintyField) -> None:
+    r95 = field.r95[field.has_fix]
+    if not len(r95):
+        table.add_row(name, "no fix anywhere")
+        return
+    low, mid, high = (float(v) for v in np.percentile(r95, [5, 50, 95]))
+    table.add_row(name, f"{mid:.3f} m median, {low:.3f} … {high:.3f} m for the middle 90 %")
 
 
 def print_plan(answer: dict[str, Any]) -> None:

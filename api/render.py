@@ -12,6 +12,24 @@ from maps.world import World
 
 _MARGIN = 12
 BAR_WIDTH = 118
+#: The least picture that holds a colour bar, px.
+LEAST_WIDTH, LEAST_HEIGHT = 200, 130
+
+
+def room_for_bar(width: int, height: int, asked: tuple[int | None, int | None]) -> tuple[int, int]:
+    """Size of a picture with a colour bar, px: sides that nobody asked for grow to what it takes.
+
+    Raises
+    ------
+    InvalidPicture
+        If a side that was asked for is too small.
+    """
+    if (asked[0] or LEAST_WIDTH) < LEAST_WIDTH or (asked[1] or LEAST_HEIGHT) < LEAST_HEIGHT:
+        raise InvalidPicture(
+            f"A picture with a colour bar starts at {LEAST_WIDTH} × {LEAST_HEIGHT} px; "
+            "ask for a larger one or for one without the bar (legend false)."
+        )
+    return max(width, LEAST_WIDTH), max(height, LEAST_HEIGHT)
 
 
 def heatmap_png(
@@ -64,7 +82,10 @@ def heatmap_png(
         raise InvalidPicture(f"Unknown colour map '{colormap}'; use one of {', '.join(COLORMAPS)}.")
     window = check_bbox(bbox, field.frame.bounds())
     extra = BAR_WIDTH if legend else 0
+    asked = (width, height)
     width, height = picture_size(window, width, height, extra, max_size)
+    if legend:
+        width, height = room_for_bar(width, height, asked)
     image = Image.new("RGB", (width, height), (255, 255, 255))
     margin = _MARGIN if legend else 0
     view = fit_view(

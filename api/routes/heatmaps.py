@@ -16,7 +16,7 @@ from api.canvas import BBox, InvalidPicture, check_bbox, picture_size
 from api.colormaps import COLORMAPS, DEFAULT_COLORMAP
 from api.dependencies import Service_
 from api.errors import InvalidRequest
-from api.render import BAR_WIDTH, heatmap_png
+from api.render import BAR_WIDTH, heatmap_png, room_for_bar
 from api.routes.common import NOT_MODIFIED, binary, problems
 from api.settings import LimitExceeded
 from localization.uncertainty_field import METRICS
@@ -25,7 +25,6 @@ router = APIRouter(prefix="/v1/fields", tags=["heatmaps"])
 
 #: Part of every tag: changes when the same question gives another picture.
 RENDERER = 2
-LEAST_WIDTH, LEAST_HEIGHT = 200, 130
 _MAX_SIDE = 16_384
 _LARGEST = 1e9
 _SMALLEST_WINDOW_M = 0.01
@@ -154,14 +153,9 @@ def _size(asked: Picture, bounds: BBox, limit: int) -> dict[str, int]:
             requested=width * height,
             setting="SUREPATH_MAX_HEATMAP_PIXELS",
         )
-    if not asked.legend:
-        return {"width": width, "height": height}
-    if (asked.width or LEAST_WIDTH) < LEAST_WIDTH or (asked.height or LEAST_HEIGHT) < LEAST_HEIGHT:
-        raise InvalidPicture(
-            f"A picture with a colour bar starts at {LEAST_WIDTH} × {LEAST_HEIGHT} px; "
-            "ask for a larger one or for legend=false."
-        )
-    return {"width": max(width, LEAST_WIDTH), "height": max(height, LEAST_HEIGHT)}
+    if asked.legend:
+        width, height = room_for_bar(width, height, (asked.width, asked.height))
+    return {"width": width, "height": height}
 
 
 @router.get(

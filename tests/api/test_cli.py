@@ -11,11 +11,6 @@ import pytest
 from PIL import Image
 
 from api.cli import main
-from localization.field_builder import build_field
-from localization.heading_field import HeadingField
-from localization.io.field_file import save_field
-from localization.sensors import LASER
-from maps.io.load import load_world
 
 ROOM = {
     "type": "FeatureCollection",
@@ -144,6 +139,23 @@ def test_a_bound_that_cannot_be_kept_is_an_answer_with_exit_code_3(field, tmp_pa
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
+        (("field", "{room}", "--estimator", "worst", "-o", "{tmp}/f.zarr"), ["worst", "all_visible"]),
+        (("field", "{room}", "--criterion", "beauty", "-o", "{tmp}/f.zarr"), ["beauty", "max_axis"]),
+        (("field", "{room}", "--headings", "4", "-o", "{tmp}/f.zarr"), ["omnidirectional", "same at every"]),
+        (
+            ("field", "{room}", "--sensor", "forward", "--headings", "0", "-o", "{tmp}/f.zarr"),
+            ["headings is 0", "1 to 720"],
+        ),
+        (
+            ("field", "{room}", "--sensor", "forward", "--headings", "721", "-o", "{tmp}/f.zarr"),
+            ["headings is 721"],
+        ),
+        (
+            ("field", "{room}", "--headings", "4", "--heading-deg", "3", "-o", "{tmp}/f.zarr"),
+            ["--heading-deg or --headings"],
+        ),
+        (("field", "{room}", "--heading-deg", "nan", "-o", "{tmp}/f.zarr"), ["nan", "finite"]),
+        (("heatmap", "{field}", "-o", "{tmp}/h.png", "--heading", "best"), ["one heading", "--headings N"]),
         (("field", "nowhere.yaml", "-o", "f.zarr"), ["no map at 'nowhere.yaml'", "warehouse"]),
         (("field", "{room}", "--sensor", "sonar", "-o", "{tmp}/f.zarr"), ["sonar", "laser"]),
         (("field", "{room}", "--resolution", "-1", "-o", "{tmp}/f.zarr"), ["-1"]),
@@ -155,6 +167,8 @@ def test_a_bound_that_cannot_be_kept_is_an_answer_with_exit_code_3(field, tmp_pa
         (("heatmap", "{field}", "-o", "{tmp}/h.png", "--metric", "beauty"), ["beauty", "area95_m2"]),
         (("heatmap", "{field}", "-o", "{tmp}/h.png", "--colormap", "jet2"), ["jet2", "viridis"]),
         (("heatmap", "{field}", "-o", "{tmp}/h.png", "--width", "10000000"), ["10000000"]),
+        (("heatmap", "{field}", "-o", "{tmp}/h.png", "--height", "100"), ["colour bar", "130"]),
+        (("heatmap", "{field}", "-o", "{tmp}/h.png", "--width", "-5"), ["-5"]),
         (("plan", "{field}", "--start", "2", "4", "--goal", "50", "4"), ["50", "outside"]),
         (("plan", "{field}", "--start", "6", "4", "--goal", "10", "4"), ["6", "4"]),
         (
@@ -209,11 +223,3 @@ def test_the_console_command_is_installed():
     done = subprocess.run([command, "world", "--help"], capture_output=True, text=True, check=False)
     assert done.returncode == 0
     assert "check" in done.stdout
-
-
-def test_a_field_over_headings_is_refused_in_words(room, tmp_path, capsys):
-    built = build_field(load_world(room), LASER, resolution=1.0)
-    save_field(HeadingField((built,)), tmp_path / "turning.zarr")
-    for words in (("heatmap", "-o", "h.png"), ("plan", "--start", 2, 4, "--goal", 4, 4)):
-        assert run(words[0], tmp_path / "turning.zarr", *words[1:]) == 1
-        assert "a field over 1 headings" in " ".join(capsys.readouterr().err.split())
