@@ -71,7 +71,7 @@ def schedule(cost, pan, lengths, seconds, switch, blind, pan_rate, choice):
                     if a != c:
                         value += switch
                         if c < m and not math.isnan(pan[k, c]):
-                            # Where it looked before a stretch without a fix is not kept: half a turn at worst.
+                            # Where it looked before a blind stretch is not kept: at worst half a turn.
                             turn = math.pi
                             if a < m:
                                 turn = abs(pan[k, c] - pan[k - 1, a])
