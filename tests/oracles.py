@@ -753,3 +753,184 @@ def smallest_stretch(rate, passable, has_fix, source, target, *, resolution):
         cost = cheapest_with_stretches(rate, passable, has_fix, source, target, limit=middle, **options)
         low, high = (low, middle) if cost < math.inf else (middle, high)
     return high
+
+
+# --- closed loop ---
+
+
+def followed(pose, target, goal, distance, turn, robot, top):
+    """Command (distance, turn, direction) of a robot that believes ``pose``, should be at ``target`` and be next
+    at ``goal``; ``top`` (distance, turn) of a step.
+    """
+    share = min(robot.step / robot.follow_time, 1.0)
+    off = np.array(target[:2]) - pose[:2]
+    turned = math.remainder(target[2] - pose[2], 2 * math.pi)
+    if robot.steering == "holonomic":
+        way = np.array(goal[:2]) - np.array(target[:2]) + share * off
+        w = float(np.clip(turn + share * turned, -top[1], top[1]))
+        return min(float(np.hypot(*way)), top[0]), w, math.atan2(way[1], way[0]) - pose[2] - w / 2
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    ahead, aside = c * off[0] + s * off[1], c * off[1] - s * off[0]
+    if distance == 0:
+        return 0.0, float(np.clip(turn + share * turned, -top[1], top[1])), 0.0
+    length = robot.follow_length
+    d = distance * math.cos(turned) + share * ahead
+    d = min(max(d, 0.0) if distance > 0 else min(d, 0.0), top[0])
+    w = turn + distance * float(np.clip(aside, -length, length)) / length**2
+    w += 2 * abs(distance) * math.sin(turned) / length
+    return d, float(np.clip(w, -top[1], top[1])), 0.0
+
+
+def bearings_of_sensor(pose, three, mount):
+    """Bearings from the zero of a sensor mounted (x, y, θ) on a robot at ``pose``."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    place = (pose[0] + c * mount[0] - s * mount[1], pose[1] + s * mount[0] + c * mount[1], pose[2] + mount[2])
+    return np.array(bearings_from(place, three))
+
+
+def driven_once(draw, poses, is_fix, triplets, world, sensor, robot, P, sees, walls):
+    """Tracks (K, 4) of true and believed places of one run, and the step of a collision or None.
+
+    ``triplets(k, believed pose)`` says what is looked at, ``sees(place, i)`` what is in sight; a camera with a
+    pan head looks at the middle of the triplet. ``walls`` (M, 4) bound free space.
+    """
+    n, noise, mount = len(poses), robot.odometry, sensor.mount.as_array()
+    steps = [poses[k + 1] - poses[k] for k in range(n - 1)]
+    turns = [math.remainder(step[2], 2 * math.pi) for step in steps]
+    ways = [np.hypot(*step[:2]) for step in steps]
+    if robot.steering == "differential":
+        middle = [pose[2] + w / 2 for pose, w in zip(poses, turns, strict=False)]
+        ways = [
+            (step @ [math.cos(m), math.sin(m), 0]) / (math.sin(w / 2) / (w / 2) if w else 1)
+            for step, m, w in zip(steps, middle, turns, strict=True)
+        ]
+    top = (1.25 * max(map(abs, ways)), robot.max_turn_rate * robot.step)
+    positions, survey = world.landmarks.positions, world.landmarks.sigma
+    stand = positions
+    fixes, used = int(np.sum(is_fix)), 0
+    if survey.any():
+        stand = positions + survey[:, None] * draw[3 + 3 * (n - 1) + 7 * fixes :].reshape(-1, 2)
+    true, mean = poses[0] + np.linalg.cholesky(P) @ draw[:3], np.array(poses[0])
+    out, before = np.full((n, 4), np.nan), np.array(poses[0])
+    for k in range(n):
+        if k > 0:
+            d, w, direction = followed(mean, poses[k - 1], poses[k], ways[k - 1], turns[k - 1], robot, top)
+            at = draw[3 + 3 * (k - 1) :][:3]
+            M = np.array([noise.distance_sigma**2 * abs(d), 0, noise.slip_sigma**2 * abs(d)])
+            M[1] = noise.turn_sigma**2 * abs(w) + noise.drift_sigma**2 * abs(d)
+            e = np.sqrt(M) * at
+            shift = np.array([0, 0, direction])
+            true = moved_by(true + shift, d + e[0], w + e[1], e[2]) - shift
+
+            def arc(q, start=mean + shift):
+                return moved_by(start, q[0], q[1], q[2])
+
+            def carried(q, d=d, w=w):
+                return moved_by(q, d, w)
+
+            F, G = numeric_jacobian(carried, mean + shift), numeric_jacobian(arc, [d, w, 0])
+            mean, P = carried(mean + shift) - shift, F @ P @ F.T + G @ np.diag(M) @ G.T
+        if segment_to_segments((*before[:2], *true[:2]), walls) < robot.radius - 1e-6:
+            return out, k
+        before = true
+        if is_fix[k]:
+            at = draw[3 + 3 * (n - 1) + 7 * used :][:7]
+            used += 1
+            z, v, three = measured(true, mean, triplets(k, mean), at, stand, positions, sensor, sees)
+            if z is not None:
+                places = positions[three]
+                c, s = math.cos(mean[2]), math.sin(mean[2])
+                arm = np.array([c * mount[0] - s * mount[1], s * mount[0] + c * mount[1]])
+                away = np.hypot(*(places - mean[:2] - arm).T)
+                R = np.diag(v + (survey[three] / away) ** 2)
+
+                def seen(q, places=places):
+                    return bearings_of_sensor(q, places, mount)
+
+                if robot.mode == "fix":
+                    found = triangulated(list(z), [tuple(p) for p in places])
+                    if found is not None:
+                        theta = found[2] - mount[2]
+                        c, s = math.cos(theta), math.sin(theta)
+                        arm = np.array([c * mount[0] - s * mount[1], s * mount[0] + c * mount[1]])
+                        mean = np.array([*(np.array(found[:2]) - arm), theta])
+                        H = numeric_jacobian(seen, mean)
+                        P = np.linalg.inv(H.T @ np.linalg.inv(R) @ H)
+                else:
+                    off = [math.remainder(a - b, 2 * math.pi) for a, b in zip(z, seen(mean), strict=True)]
+                    mean, P = kalman_update(mean, P, off, numeric_jacobian(seen, mean), R)
+        out[k] = (*true[:2], *mean[:2])
+    return out, None
+
+
+def measured(true, mean, three, draw, stand, positions, sensor, sees):
+    """Bearings of three landmarks with noise and their variances; None where one is out of sight or view."""
+    if three is None:
+        return None, None, None
+    mount, floor = sensor.mount.as_array(), sensor.bearing_floor
+    three, axis = list(three), 0.0
+    psi = bearings_of_sensor(true, stand[three], mount)
+    if not all(sees(sensor_place(true[:2], sensor, true[2]), i) for i in three):
+        return None, None, None
+    if sensor.kind == "omnidirectional":
+        v = np.full(3, sensor.bearing_sigma**2 + floor**2)
+        return psi + sensor.bearing_sigma * draw[:3] + floor * draw[3:6], v, three
+    if sensor.kind == "pinhole_pan":
+        believed = list(bearings_of_sensor(mean, positions[three], mount))
+        axes, axis = axes_of_three(believed, sensor, 0.0)
+        if not axes:
+            return None, None, None
+    off = np.array([math.remainder(a - axis, 2 * math.pi) for a in psi])
+    if (np.abs(off) > sensor.field_of_view / 2).any():
+        return None, None, None
+    spread = sensor.column_sigma_px / sensor.focal_px
+    off = np.arctan(np.tan(off) + spread * draw[:3])
+    return axis + off + floor * draw[3:6], (spread * np.cos(off) ** 2) ** 2 + floor**2, three
+
+
+def lattice_move(lattice, p, row, col):
+    """Cost of a move of a lattice from a cell by the kernel that searches use."""
+    from planner.kernels.lattice import move_cost
+
+    _, *rest = lattice.move_args
+    return move_cost(p, row, col, *rest)
+
+
+def lattice_dijkstra(lattice, start, goal):
+    """Cheapest cost from end to end by plain Dijkstra over (cell, heading, gear), moves costed as curves."""
+    from planner.steering import PoseCurve, shortest_curve
+
+    space, made = lattice.space, lattice.primitives
+    n, cols = len(made.headings), space.cost_space.frame.n_cols
+    price = space.steering.gear_price if lattice.n_gears == 2 else 0.0
+
+    def changed(a, b):
+        return price if a * b < 0 else 0.0
+
+    direct = shortest_curve((start.x, start.y, start.heading), (goal.x, goal.y, goal.heading), space.steering)
+    best = space.cost(direct)
+    first, last = lattice.joints(start, is_start=True), lattice.joints(goal, is_start=False)
+    ends = {int(k): (c, int(g)) for k, c, g in zip(last.keys, last.costs, last.gears, strict=True)}
+    waiting = [(c, int(k), int(g)) for k, c, g in zip(first.keys, first.costs, first.gears, strict=True)]
+    heapq.heapify(waiting)
+    done, known = set(), {}
+    while waiting:
+        cost, key, gear = heapq.heappop(waiting)
+        if (key, gear) in done:
+            continue
+        done.add((key, gear))
+        if key in ends:
+            best = min(best, cost + ends[key][0] + changed(gear, ends[key][1]))
+        row, col, heading = key // n // cols, key // n % cols, key % n
+        pose = lattice.pose(np.array([key]))[0]
+        for p in range(made.arrays[0][heading], made.arrays[0][heading + 1]):
+            _, to, rows, columns, moved = made.arrays[1][p].tolist()
+            r, c = row + rows, col + columns
+            if not (0 <= r < space.cost_space.frame.n_rows and 0 <= c < cols):
+                continue
+            if (key, p) not in known:
+                known[key, p] = space.cost(PoseCurve(pose, made.parts[p]))
+            if known[key, p] < math.inf:
+                new = cost + known[key, p] + changed(gear, moved)
+                heapq.heappush(waiting, (new, (r * cols + c) * n + to, moved or gear))
+    return best
