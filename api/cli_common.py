@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import os
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from localization.errors import LocalizationError
 from localization.heading_field import HeadingField
 from localization.sensors import CRITERIA, PRESETS, Sensor
 from localization.uncertainty_field import UncertaintyField
@@ -104,6 +106,18 @@ def read_sensor(source: str) -> Sensor:
     if source in PRESETS:
         return PRESETS[source]
     return sensor_from_json(read_json_file(source, what=f"sensor (or preset: {', '.join(PRESETS)})"))
+
+
+def check_on_map(world: World, x: float, y: float) -> None:
+    """Raise :class:`~localization.errors.LocalizationError` unless a place lies within the map's bounds."""
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise LocalizationError(f"Place is ({x:g}, {y:g}) m; give finite numbers.")
+    x0, y0, x1, y1 = world.bounds
+    if not (x0 <= x <= x1 and y0 <= y <= y1):
+        raise LocalizationError(
+            f"Place ({x:g}, {y:g}) m is outside the map, "
+            f"which spans x {x0:g} … {x1:g} m, y {y0:g} … {y1:g} m."
+        )
 
 
 def read_field(path: Path) -> UncertaintyField | HeadingField:

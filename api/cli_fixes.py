@@ -16,9 +16,11 @@ from rich.table import Table
 
 from api.cli_common import (
     Landmarks_,
+    Sensor_,
     UnknownFree_,
     UnknownOpaque_,
     World_,
+    check_on_map,
     read_sensor,
     read_world,
     write_file,
@@ -36,9 +38,7 @@ def fixes(
     x: Annotated[float, typer.Argument(metavar="X", help="Where the robot is, m.", show_default=False)],
     y: Annotated[float, typer.Argument(metavar="Y", show_default=False)],
     heading_deg: Annotated[float, typer.Option(metavar="DEG", help="Heading of the robot.")] = 0.0,
-    sensor: Annotated[
-        str, typer.Option(metavar="SENSOR", help="A preset (laser, mas97) or a JSON file, as for 'field'.")
-    ] = "laser",
+    sensor: Sensor_ = "laser",
     triplet: Annotated[
         str | None, typer.Option(metavar="A,B,C", help="Ids of three landmarks; default: the best triplet.")
     ] = None,
@@ -131,14 +131,7 @@ def _in_brackets(text: str) -> str:
 
 
 def _check_place(world: World, x: float, y: float) -> None:
-    if not (math.isfinite(x) and math.isfinite(y)):
-        raise LocalizationError(f"Place is ({x:g}, {y:g}) m; give finite numbers.")
-    x0, y0, x1, y1 = world.bounds
-    if not (x0 <= x <= x1 and y0 <= y <= y1):
-        raise LocalizationError(
-            f"Place ({x:g}, {y:g}) m is outside the map, "
-            f"which spans x {x0:g} … {x1:g} m, y {y0:g} … {y1:g} m."
-        )
+    check_on_map(world, x, y)
     if not world.floor.free_at((x, y)):
         raise LocalizationError(f"Place ({x:g}, {y:g}) m is not free; choose one where a robot can stand.")
 
