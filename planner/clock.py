@@ -48,9 +48,13 @@ class Clock:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.monotonic() - began
 
     @contextmanager
-    def stop_flag(self) -> Iterator[npt.NDArray[np.uint8]]:
-        """Shape (1,): becomes 1 at the deadline, for kernels that run without the interpreter's lock."""
-        flag = np.zeros(1, dtype=np.uint8)
+    def stop_flag(self, flag: npt.NDArray[np.uint8] | None = None) -> Iterator[npt.NDArray[np.uint8]]:
+        """Shape (1,): becomes 1 at the deadline, for kernels that run without the interpreter's lock.
+
+        A flag that is given is used, so that another thread can set it earlier.
+        """
+        if flag is None:
+            flag = np.zeros(1, dtype=np.uint8)
         left = self.at() - time.monotonic()
         if left <= 0:
             flag[0] = 1

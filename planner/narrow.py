@@ -11,6 +11,7 @@ import numpy.typing as npt
 from scipy.ndimage import label
 
 from localization.uncertainty_field import LAYERS
+from maps.arrays import IntArray
 from maps.clearance import TOUCH_M
 from planner.context import PlanningContext
 from planner.cost_to_go import Place
@@ -26,11 +27,21 @@ def is_disconnected(context: PlanningContext, radius: float, start: Place, goal:
     A place with clearance ``radius`` lies in a cell whose centre has at least ``radius − resolution/√2``:
     where even such cells do not connect, nothing does.
     """
+    a, b = components(context, radius, [start, goal])
+    return bool(a != b)
+
+
+def components(context: PlanningContext, radius: float, places: list[Place]) -> IntArray:
+    """Number of the part of the map that each place is in; shape (K,).
+
+    Between different parts it is proven that no path leads (see :func:`is_disconnected`). The places must be
+    on the map.
+    """
     frame = context.field.frame
     least = radius - frame.resolution / math.sqrt(2.0) - TOUCH_M
     labels, _ = label(context.centre_clearance >= least, structure=np.ones((3, 3)))
-    a, b = (tuple(frame.cell_at(place)) for place in (start, goal))
-    return bool(labels[a] != labels[b])
+    rows, cols = frame.cell_at(places).T
+    return np.asarray(labels[rows, cols], dtype=np.int64)
 
 
 def refined(context: PlanningContext) -> PlanningContext | None:

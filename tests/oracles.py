@@ -934,3 +934,50 @@ def lattice_dijkstra(lattice, start, goal):
                 new = cost + known[key, p] + changed(gear, moved)
                 heapq.heappush(waiting, (new, (r * cols + c) * n + to, moved or gear))
     return best
+
+
+# --- planner: figures of ways between many places ---
+
+
+def figures_by_samples(cells, r95, step=1e-3):
+    """Length, ``∫ r95``, blind length and worst r95 of a polyline in cells, by the middles of tiny steps."""
+    length = integral = blind = 0.0
+    worst = math.nan
+    for a, b in itertools.pairwise(np.asarray(cells, dtype=float)):
+        d = float(np.hypot(*(b - a)))
+        n = max(1, math.ceil(d / step))
+        for k in range(n):
+            x, y = a + (b - a) * (k + 0.5) / n
+            value = r95[int(y), int(x)]
+            length += d / n
+            if math.isnan(value):
+                blind += d / n
+            else:
+                integral += value * d / n
+                worst = value if math.isnan(worst) else max(worst, value)
+    return length, integral, blind, worst
+
+
+def lattice_without_headings(lattice, goal):
+    """Cost from every cell to an end when the robot may take up any heading for nothing, by relaxing to rest."""
+    made, n = lattice.primitives, len(lattice.primitives.headings)
+    rows, cols = lattice.space.cost_space.frame.shape
+    cost = np.full((rows, cols), np.inf)
+    joints = lattice.joints(goal, is_start=False)
+    for key, value in zip(joints.keys // n, joints.costs, strict=True):
+        cost[key // cols, key % cols] = min(cost[key // cols, key % cols], value)
+    steps = [
+        (r, c, r + dr, c + dc, lattice_move(lattice, p, r, c))
+        for p, (_, _, dr, dc, _) in enumerate(made.arrays[1].tolist())
+        for r in range(max(0, -dr), min(rows, rows - dr))
+        for c in range(max(0, -dc), min(cols, cols - dc))
+    ]
+    steps = [s for s in steps if s[4] < math.inf]
+    changed = True
+    while changed:
+        changed = False
+        for r, c, to_r, to_c, step in steps:
+            if cost[to_r, to_c] + step < cost[r, c]:
+                cost[r, c] = cost[to_r, to_c] + step
+                changed = True
+    return cost
