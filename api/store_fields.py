@@ -33,7 +33,7 @@ from maps.se2 import wrap
 
 #: What a cell takes before compression: seven variables and the area.
 BYTES_PER_CELL = 61
-_OUTDATED = "It was computed by an earlier version of surepath, whose numbers are not those of this one."
+_OUTDATED = "It is of an earlier version of surepath, whose numbers are not those of this one."
 _LIVE = (JobStatus.ACCEPTED.value, JobStatus.RUNNING.value)
 
 
