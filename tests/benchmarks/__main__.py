@@ -20,7 +20,10 @@ from rich.table import Table
 SECTIONS = {
     "triplets": "bench_triplets",
     "triangulation": "bench_triangulation",
+    "visibility": "bench_visibility",
     "field": "bench_field",
+    "large": "bench_large",
+    "scaling": "bench_scaling",
     "plan": "bench_planner",
     "heatmap": "bench_heatmap",
 }
@@ -74,6 +77,10 @@ def main() -> int:
         text += ["", f"## {module.TITLE}", ""]
         text += ["| " + " | ".join(rows[0]) + " |", "|" + "---|" * len(rows[0])]
         text += ["| " + " | ".join(str(v) for v in row.values()) + " |" for row in rows]
+        if options.write and hasattr(module, "draw"):
+            text += [""]
+            for picture, caption in module.draw(rows, DOCUMENT.parent / "pictures"):
+                text += [f"![{caption}](pictures/{picture})"]
     if options.write:
         DOCUMENT.write_text("\n".join(text) + "\n")
         console.print(f"written: {DOCUMENT.name}")
