@@ -66,6 +66,7 @@ def choices_of(
     reference: Reference,
     is_fix: BoolArray,
     policy: Policy,
+    view_margin: float = 0.0,
     field: UncertaintyField | HeadingField | None = None,
 ) -> Choices:
     """Candidates for each fix along a reference.
@@ -80,6 +81,9 @@ def choices_of(
         Shape (K,): the steps at which the robot measures.
     policy
         See :data:`Policy`.
+    view_margin
+        Triplets have to keep this far from both edges of a camera's view, rad: the robot looks by what it
+        believes, and one that fills the view is lost by the smallest error. Without a field only.
     field
         For ``best_triplet``: the robot looks up the cell that it believes to be in, as far as fixes there can
         be trusted. None: the best triplet of the reference's pose at that time.
@@ -87,16 +91,17 @@ def choices_of(
     Raises
     ------
     InvalidProblem
-        If the policy is unknown or needs a camera, or the field is of another world or sensor, holds no
-        triplets, or depends on the heading without having headings.
+        If the policy is unknown or needs a camera, the margin leaves no view, or the field is of another
+        world or sensor, holds no triplets, or depends on the heading without having headings.
     """
     if policy not in POLICIES:
         raise InvalidProblem(f"The policy is '{policy}'; use one of {', '.join(POLICIES)}.")
     if policy in {"forced_forward", "arbitrary_forward"}:
         sensor = _ahead(sensor)
+    narrow = _narrowed(sensor, view_margin)
     at = np.flatnonzero(is_fix)
     if policy in {"arbitrary", "arbitrary_forward"}:
-        lists = [_ranked(world, sensor, pose) for pose in reference.poses[at]]
+        lists = [_ranked(world, narrow, pose) for pose in reference.poses[at]]
         counts = np.zeros(len(reference), dtype=np.int64)
         counts[at] = [len(rows) for rows in lists]
         offsets = np.concatenate([[0], np.cumsum(counts)])
@@ -111,7 +116,7 @@ def choices_of(
     planned = np.full((len(reference), 3), -1, dtype=np.int64)
     if len(at):
         stops = Drive(reference.poses[at], reference.times[at])
-        planned[at] = best_triplet_schedule(world, sensor, stops).landmarks
+        planned[at] = best_triplet_schedule(world, narrow, stops).landmarks
     return Choices(sensor, _BY_STEP.copy(), _NO_OFFSETS.copy(), planned.astype(np.int16), planned)
 
 
@@ -205,6 +210,18 @@ def _ahead(sensor: Sensor) -> Sensor:
     if isinstance(sensor, PinholePanSensor):
         return replace(sensor, pan_min=0.0, pan_max=0.0)
     return sensor
+
+
+def _narrowed(sensor: Sensor, margin: float) -> Sensor:
+    if isinstance(sensor, OmnidirectionalSensor) or margin == 0:
+        return sensor
+    view = sensor.field_of_view - 2 * margin
+    if not (margin > 0 and view > 0):
+        raise InvalidProblem(
+            f"The view_margin is {margin} rad; it must be ≥ 0 and below half the field of view, "
+            f"{sensor.field_of_view / 2:.3f} rad."
+        )
+    return replace(sensor, field_of_view=view)
 
 
 def _ranked(world: World, sensor: Sensor, pose: FloatArray) -> IntArray:

@@ -73,6 +73,8 @@ class SimulatedRobot:
         carried on by odometry.
     policy
         How landmarks are chosen, see :data:`planner.choices.Policy`.
+    view_margin
+        Of the choice, see :func:`planner.choices.choices_of`, rad.
     steering
         ``differential``: turns on the spot where the path has corners; ``holonomic``: drives in any
         direction, with the heading of the first leg.
@@ -97,6 +99,7 @@ class SimulatedRobot:
     fix_rate: float = 5.0
     mode: Literal["filter", "fix"] = "filter"
     policy: Policy = "best_triplet"
+    view_margin: float = 0.0
     steering: Steering = "differential"
     start_covariance: FloatArray | None = None
     step: float = 0.05
@@ -184,7 +187,15 @@ def simulate(
         max_turn_rate=_TURN_SHARE * robot.max_turn_rate,
     )
     is_fix = fix_stations(reference.times, robot.fix_rate)
-    choices = choices_of(world, sensor, reference=reference, is_fix=is_fix, policy=robot.policy, field=field)
+    choices = choices_of(
+        world,
+        sensor,
+        reference=reference,
+        is_fix=is_fix,
+        policy=robot.policy,
+        view_margin=robot.view_margin,
+        field=field,
+    )
     P0 = robot.start_covariance
     if P0 is None:
         P0 = start_covariance(world, sensor, reference.poses[0])
