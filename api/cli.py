@@ -13,6 +13,7 @@ from api.cli_fixes import fixes
 from api.cli_plan import plan
 from api.cli_reproduce import reproduce_app
 from api.cli_serve import demo, serve
+from api.cli_simulate import simulate_command
 from api.cli_triplets import triplets
 from api.cli_validate import validate
 from api.cli_world import world_app
@@ -38,6 +39,7 @@ app = typer.Typer(
 app.add_typer(world_app, name="world")
 for command in (field, heatmap, plan, serve, demo, validate):
     app.command()(command)
+app.command("simulate")(simulate_command)
 # Negative coordinates look like options.
 app.command(context_settings={"ignore_unknown_options": True})(fixes)
 app.command(context_settings={"ignore_unknown_options": True})(triplets)

@@ -77,8 +77,10 @@ def _check_depth(value: Any, what: str) -> None:
     raise DocumentError(f"The {what} is nested too deeply; the limit is {MAX_DEPTH} levels.")
 
 
-def read_json_file(path: str | Path, *, what: str = "document") -> dict[str, Any]:
-    """Object in a JSON file of at most 1 MB.
+def read_json_file(
+    path: str | Path, *, what: str = "document", max_bytes: int = MAX_FILE_BYTES
+) -> dict[str, Any]:
+    """Object in a JSON file of at most ``max_bytes``, by default 1 MB.
 
     Raises
     ------
@@ -89,8 +91,8 @@ def read_json_file(path: str | Path, *, what: str = "document") -> dict[str, Any
     try:
         if not place.is_file():
             raise DocumentError(f"There is no {what} at '{place}'.")
-        if place.stat().st_size > MAX_FILE_BYTES:
-            raise DocumentError(f"The {what} '{place}' is larger than {MAX_FILE_BYTES} bytes.")
+        if place.stat().st_size > max_bytes:
+            raise DocumentError(f"The {what} '{place}' is larger than {max_bytes} bytes.")
         data = place.read_bytes()
     except OSError as error:
         raise DocumentError(f"Could not read the {what} '{place}': {error.strerror or error}.") from error
