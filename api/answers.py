@@ -219,6 +219,13 @@ class Uncertainty(Answer):
     worst_at_m: float | None = Field(description="Arc length of the worst place.")
 
 
+class Risk(Answer):
+    """Largest collision probability of the waypoints; null where the whole route is blind."""
+
+    max_collision_probability: float | None = Field(description="Bound that knows the error's direction.")
+    max_collision_bound: float | None = Field(description="Coarser: exp(-c² / (2 λ_max)), c the clearance.")
+
+
 class Waypoint(Answer):
     """A place of the path with all that planning counts on there; null where blind.
 
@@ -237,6 +244,7 @@ class Waypoint(Answer):
     triplet: list[str] | None = Field(description="null where blind, and on fields of all_visible.")
     pan_rad: float | None
     clearance_m: float | None
+    collision_probability: float | None = Field(description="Of this pose, by one fix; an upper bound.")
 
 
 class Motion(Answer):
@@ -259,6 +267,7 @@ class Baseline(Answer):
     duration_s: float | None
     min_clearance_m: float | None
     uncertainty: Uncertainty
+    risk: Risk
     path: list[Waypoint]
 
 
@@ -272,10 +281,10 @@ class Unmet(Answer):
     """A bound that the returned route does not keep."""
 
     bound: str
-    limit_m: float | None
-    value_m: float | None
+    limit: float | None = Field(description="What was asked: m, or a probability.")
+    value: float | None = Field(description="What the route has.")
     place: Place
-    smallest_possible_m: float | None
+    smallest_possible: float | None = Field(description="The smallest bound that has a path.")
     message: str
 
 

@@ -9,9 +9,11 @@ from typing import Annotated
 
 import typer
 
+from api.areas import read_areas
 from api.cli_common import EXIT_UNMET, Field_, read_field, write_file
 from api.console import err, print_note, print_plan
 from localization.heading_field import HeadingField
+from planner.errors import InvalidProblem
 
 
 def plan(
@@ -20,13 +22,36 @@ def plan(
     goal: Annotated[tuple[float, float], typer.Option(metavar="X Y", help="Goal, m.")],
     radius: Annotated[float, typer.Option(metavar="R", help="Radius of the robot, m.")] = 0.35,
     objective: Annotated[
-        str, typer.Option(help="shortest, or weighted: cost per metre 1 + weight · r95.")
+        str,
+        typer.Option(
+            help="shortest; weighted: cost per metre 1 + weight · r95; minimax: least worst r95, then length."
+        ),
     ] = "weighted",
     weight: Annotated[
         float, typer.Option(metavar="W", help="Extra metres accepted per metre driven at r95 = 1 m.")
     ] = 4.0,
     max_r95: Annotated[
         float | None, typer.Option("--max-r95", metavar="B", help="Never less certain than this, m.")
+    ] = None,
+    max_ellipse95: Annotated[
+        float | None,
+        typer.Option("--max-ellipse95", metavar="B", help="Semi-major axis of the 95 % ellipse, m."),
+    ] = None,
+    max_collision_probability: Annotated[
+        float | None,
+        typer.Option("--max-collision-probability", metavar="P", help="Of every pose, 0 to 1."),
+    ] = None,
+    via: Annotated[
+        list[str] | None,
+        typer.Option(metavar="X,Y", help="Place to pass; may be given several times, in order."),
+    ] = None,
+    avoid: Annotated[
+        Path | None,
+        typer.Option(metavar="GEOJSON", help="Polygons that the robot must not enter, map metres."),
+    ] = None,
+    areas: Annotated[
+        Path | None,
+        typer.Option(metavar="GEOJSON", help="Polygons with a property 'factor' of the cost per metre."),
     ] = None,
     blind_r95: Annotated[
         float | None,
@@ -69,6 +94,11 @@ def plan(
         objective=objective,  # type: ignore[arg-type]  # checked by the problem itself
         weight=weight,
         max_r95=max_r95,
+        max_ellipse95=max_ellipse95,
+        max_collision_probability=max_collision_probability,
+        via=tuple(_place(text) for text in via or ()),
+        avoid=tuple(polygon for polygon, _ in read_areas(avoid)),
+        areas=tuple((polygon, factor) for polygon, factor in read_areas(areas)),
         blind_r95=blind_r95,
         max_speed=max_speed,
         max_accel=max_accel,
@@ -101,3 +131,12 @@ def plan(
         print_plan(answer)
     if answer["status"] not in {"exact", "approximate"}:
         raise typer.Exit(EXIT_UNMET)
+
+
+def _place(text: str) -> tuple[float, float]:
+    """A place from ``X,Y``."""
+    try:
+        x, y = (float(part) for part in text.split(","))
+    except ValueError:
+        raise InvalidProblem(f"The via point is '{text}'; give X,Y in m, such as --via 12.5,3.") from None
+    return x, y

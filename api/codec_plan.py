@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from shapely import Polygon
 
 from localization import covariance as cov
 from localization.uncertainty_field import UncertaintyField
@@ -105,10 +106,23 @@ def problem_to_json(problem: PlanningProblem) -> dict[str, Any]:
             "max_accel_m_s2": problem.max_accel,
         },
         "objective": {"kind": problem.objective, "uncertainty_weight_per_m": problem.weight},
-        "constraints": {"max_r95_m": problem.max_r95, "blind_r95_m": problem.blind_r95},
+        "constraints": {
+            "max_r95_m": problem.max_r95,
+            "max_ellipse95_m": problem.max_ellipse95,
+            "max_collision_probability": problem.max_collision_probability,
+            "blind_r95_m": problem.blind_r95,
+        },
+        "via": [{"x_m": x, "y_m": y} for x, y in problem.via],
+        "avoid": [_polygon(polygon) for polygon in problem.avoid],
+        "areas": [{"polygon": _polygon(p), "factor": factor} for p, factor in problem.areas],
         "deadline_s": problem.deadline,
         "seed": problem.seed,
     }
+
+
+def _polygon(polygon: Polygon) -> dict[str, Any]:
+    rings = [polygon.exterior, *polygon.interiors]
+    return {"type": "Polygon", "coordinates": [[[x, y] for x, y in ring.coords] for ring in rings]}
 
 
 def number(value: float | None) -> float | None:
@@ -151,6 +165,10 @@ def _figures(summary: RouteSummary) -> dict[str, Any]:
             "blind_m": number(summary.blind),
             "worst_at_m": number(summary.worst_at),
         },
+        "risk": {
+            "max_collision_probability": number(summary.max_collision_probability),
+            "max_collision_bound": number(summary.max_collision_bound),
+        },
     }
 
 
@@ -166,11 +184,12 @@ def _path(path: Path, trajectory: Trajectory, names: Sequence[str]) -> list[dict
         path.triplet.tolist(),
         numbers(_rounded(path.pan)),
         numbers(_rounded(path.clearance)),
+        numbers(_rounded(path.collision_probability, 12)),
         numbers(_rounded(_times_at(path.s, trajectory))),
         strict=True,
     )
     out = []
-    for (x, y), s, theta, c, r95, sigma, (a, b, azimuth), triplet, pan, clearance, t in columns:
+    for (x, y), s, theta, c, r95, sigma, (a, b, azimuth), triplet, pan, clearance, risk, t in columns:
         blind = not math.isfinite(c[0])
         out.append(
             {
@@ -186,6 +205,7 @@ def _path(path: Path, trajectory: Trajectory, names: Sequence[str]) -> list[dict
                 "triplet": triplet_names(triplet, names),
                 "pan_rad": pan,
                 "clearance_m": clearance,
+                "collision_probability": risk,
             }
         )
     return out
@@ -211,9 +231,9 @@ def _trajectory(trajectory: Trajectory) -> list[dict[str, float]]:
 def _unmet(item: Unmet) -> dict[str, Any]:
     return {
         "bound": item.bound,
-        "limit_m": number(item.limit),
-        "value_m": number(item.value),
+        "limit": number(item.limit),
+        "value": number(item.value),
         "place": {"x_m": item.place[0], "y_m": item.place[1]},
-        "smallest_possible_m": number(item.smallest_possible),
+        "smallest_possible": number(item.smallest_possible),
         "message": item.message,
     }

@@ -6,12 +6,20 @@ import math
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
+from shapely import Polygon
 
 from api.schemas_base import Finite, NotNegative, Positive, Request
 from api.schemas_sensor import SensorOrPreset, to_sensor
 from localization.method import FieldMethod
 from localization.sensors import Sensor
-from planner.problem import MAX_DEADLINE_S, MIN_DEADLINE_S, PlanningProblem
+from planner.problem import (
+    MAX_AREAS,
+    MAX_CORNERS,
+    MAX_DEADLINE_S,
+    MAX_VIA,
+    MIN_DEADLINE_S,
+    PlanningProblem,
+)
 
 MapId = Annotated[
     str, Field(min_length=1, max_length=200, description="Id (m_…) or name of a map.", examples=["warehouse"])
@@ -82,20 +90,31 @@ class RobotIn(Request):
 class ObjectiveIn(Request):
     """What the path shall minimise."""
 
-    kind: Literal["shortest", "weighted"] = Field(
-        default="weighted", description="shortest: length. weighted: cost per metre 1 + weight · r95."
+    kind: Literal["shortest", "weighted", "minimax"] = Field(
+        default="weighted",
+        description="shortest: length. weighted: cost per metre 1 + weight · r95. "
+        "minimax: the smallest worst r95, then length.",
     )
     uncertainty_weight_per_m: NotNegative = Field(
         default=4.0,
-        description="Extra metres accepted per metre driven at r95 = 1 m; without effect on shortest.",
+        description="Extra metres accepted per metre driven at r95 = 1 m; for weighted only.",
     )
 
 
 class ConstraintsIn(Request):
-    """What the path must keep."""
+    """What the path must keep; bounds that cannot be kept are raised as little as possible and named."""
 
     max_r95_m: Positive | None = Field(
         default=None, description="Never less certain than this where there is a fix, m; null: no bound."
+    )
+    max_ellipse95_m: Positive | None = Field(
+        default=None, description="Semi-major axis of the 95 % ellipse, m; null: no bound."
+    )
+    max_collision_probability: Annotated[float, Field(gt=0, lt=1)] | None = Field(
+        default=None,
+        description="Of every pose, from covariance and clearance, by a bound that knows the direction of "
+        "the error; null: no bound.",
+        examples=[0.001],
     )
     blind_r95_m: NotNegative | None = Field(
         default=None,
@@ -103,6 +122,41 @@ class ConstraintsIn(Request):
             "Cells without a usable fix: null forbids them; a number lets the path cross them "
             "at the cost of a place with this r95, m."
         ),
+    )
+
+
+Position = Annotated[list[Finite], Field(min_length=2, max_length=2)]
+Ring = Annotated[list[Position], Field(min_length=3)]
+
+
+class PolygonIn(Request):
+    """A polygon as in GeoJSON, in metres of the map frame: an outer ring, then rings of holes."""
+
+    type: Literal["Polygon"]
+    coordinates: Annotated[
+        list[
+            Annotated[list[Annotated[list[Finite], Field(min_length=2, max_length=2)]], Field(min_length=3)]
+        ],
+        Field(min_length=1, max_length=100),
+    ] = Field(examples=[[[[30.0, 10.0], [34.0, 10.0], [34.0, 14.0], [30.0, 10.0]]]])
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if sum(len(ring) for ring in self.coordinates) > MAX_CORNERS:
+            raise ValueError(f"a polygon may have at most {MAX_CORNERS} corners")
+        return self
+
+    def to_polygon(self) -> Polygon:
+        """The polygon, m; the planner refuses one that crosses itself."""
+        return Polygon(self.coordinates[0], self.coordinates[1:])
+
+
+class AreaIn(Request):
+    """An area in which driving costs more, or less."""
+
+    polygon: PolygonIn
+    factor: Annotated[float, Field(ge=0.01, le=1000)] = Field(
+        description="Of the cost per metre; where areas overlap, factors multiply.", examples=[2.0]
     )
 
 
@@ -131,6 +185,15 @@ class PlanIn(Request):
     robot: RobotIn
     objective: ObjectiveIn = ObjectiveIn()
     constraints: ConstraintsIn = ConstraintsIn()
+    via: list[PlaceIn] = Field(
+        default=[], max_length=MAX_VIA, description="Places to pass in this order; the robot stops there."
+    )
+    avoid: list[PolygonIn] = Field(
+        default=[], max_length=MAX_AREAS, description="Areas that the robot's body must not enter."
+    )
+    areas: list[AreaIn] = Field(
+        default=[], max_length=MAX_AREAS, description="Areas in which driving costs more, or less."
+    )
     deadline_s: Positive | None = Field(
         default=None,
         description="Time for the plan, s (default 2, at least 0.05, at most 30; clamped with a warning). "
@@ -171,6 +234,11 @@ class PlanIn(Request):
             objective=self.objective.kind,
             weight=self.objective.uncertainty_weight_per_m,
             max_r95=self.constraints.max_r95_m,
+            max_ellipse95=self.constraints.max_ellipse95_m,
+            max_collision_probability=self.constraints.max_collision_probability,
+            via=tuple((place.x_m, place.y_m) for place in self.via),
+            avoid=tuple(area.to_polygon() for area in self.avoid),
+            areas=tuple((area.polygon.to_polygon(), area.factor) for area in self.areas),
             blind_r95=self.constraints.blind_r95_m,
             max_speed=self.robot.max_speed_m_s,
             max_accel=self.robot.max_accel_m_s2,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from shapely import Point
+
 from maps.clearance import TOUCH_M
 from planner.context import PlanningContext
 from planner.errors import GoalOccupied, GoalOutsideMap, PlannerError, StartOccupied, StartOutsideMap
@@ -22,8 +24,8 @@ def check_ends(problem: PlanningProblem, context: PlanningContext) -> None:
     StartOutsideMap, GoalOutsideMap
         If it is not on the field's grid.
     StartOccupied, GoalOccupied
-        If it is not free, or nearer to an obstacle than the radius. Message and ``nearest_free`` say where
-        the robot fits.
+        If it is not free, or nearer to an obstacle or an area to avoid than the radius. Message and
+        ``nearest_free`` say where the robot fits.
     """
     for name in ("start", "goal"):
         x, y = place = problem.start if name == "start" else problem.goal
@@ -34,6 +36,13 @@ def check_ends(problem: PlanningProblem, context: PlanningContext) -> None:
                 f"{said} is outside the map, which spans x {x0:g} … {x1:g} m, y {y0:g} … {y1:g} m.",
                 nearest_free=_hint(place, problem.radius, context),
             )
+        for k, polygon in enumerate(problem.avoid):
+            gap = float(polygon.distance(Point(place)))
+            if gap <= problem.radius:
+                raise _OCCUPIED[name](
+                    f"{said} is {_down(gap)} m from avoid area {k + 1}, which a robot of radius "
+                    f"{problem.radius:g} m must not touch. Move the place, or change the area."
+                )
         distance = float(context.clearance.distance([place])[0])
         if distance >= max(problem.radius - TOUCH_M, TOUCH_M):
             continue

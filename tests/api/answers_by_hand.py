@@ -20,6 +20,8 @@ def straight_route(start, goal, *, blind: bool = False, all_visible: bool = Fals
         triplet=np.full((3, 3), -1) if blind or all_visible else np.tile([0, 1, 2], (3, 1)),
         pan=np.full(3, np.nan),
         clearance=np.array([0.3, 0.4, 0.2]),
+        collision_probability=np.full(3, np.nan if blind else 1e-4),
+        collision_bound=np.full(3, np.nan if blind else 1e-3),
     )
     still = np.zeros((3, 2))
     trajectory = Trajectory(t=np.linspace(0.0, length, 3), points=points, velocity=still, acceleration=still)

@@ -119,7 +119,7 @@ def test_a_bound_that_cannot_be_kept_is_an_outcome(service):
     answers.Plan.model_validate(plan)
     assert plan["status"] == "risk_unmet"
     assert plan["unmet"][0]["bound"] == "max_r95_m"
-    assert plan["unmet"][0]["smallest_possible_m"] > 1e-6
+    assert plan["unmet"][0]["smallest_possible"] > 1e-6
 
 
 @pytest.mark.parametrize(

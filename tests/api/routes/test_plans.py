@@ -66,7 +66,20 @@ def test_an_occupied_goal_comes_with_a_free_one(client, field):
         ({"map": "room"}, 422, "invalid_request"),
         ({"goal": {"x_m": 1.0}}, 422, "invalid_request"),
         ({"robot": {"radius_m": 51.0}}, 422, "invalid_request"),
-        ({"via": []}, 422, "invalid_request"),
+        ({"visit": []}, 422, "invalid_request"),
+        ({"via": [{"x_m": 1.0}]}, 422, "invalid_request"),
+        ({"objective": {"kind": "fastest"}}, 422, "invalid_request"),
+        ({"constraints": {"max_collision_probability": 1.0}}, 422, "invalid_request"),
+        ({"avoid": [{"type": "Point", "coordinates": [1.0, 2.0]}]}, 422, "invalid_request"),
+        (
+            {
+                "avoid": [
+                    {"type": "Polygon", "coordinates": [[[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]]]}
+                ]
+            },
+            422,
+            "invalid_request",
+        ),
     ],
 )
 def test_wrong_questions(gallery, change, status, code):
