@@ -55,6 +55,9 @@ class LabelPath:
         Factor by which the bounds had to be widened, at least 1; with ``bound_unmet`` the smallest possible.
     covariance
         Shape (K, 3, 3): of the fused belief in x, y and heading; NaN when only distances were searched.
+    worst_r95
+        Largest r95 of the fused belief along the path, m, just before a fix rather than after it as at the
+        points; NaN when only distances were searched.
     """
 
     status: LabelStatus
@@ -65,6 +68,7 @@ class LabelPath:
     longest_blind: float
     excess: float
     covariance: FloatArray
+    worst_r95: float = math.nan
 
     def __post_init__(self) -> None:
         for name in ("points", "blind", "covariance"):
@@ -102,7 +106,7 @@ def without_path(*, is_complete: bool) -> LabelPath:
 
 
 @dataclass(frozen=True, slots=True)
-class _Stretches:
+class Stretches:
     """Metres without a fix on a straight line: from its begin, up to its end, and at most in one stretch."""
 
     first: float
@@ -110,26 +114,27 @@ class _Stretches:
     longest: float
 
 
+def blind_lines(graph: GridGraph, has_fix: BoolArray, place: Place, cells: IntArray) -> list[Stretches]:
+    """Metres without a fix on the straight lines from a place to cells (padded flat indices)."""
+    frame = graph.cost_space.frame
+    blind = np.where(has_fix, 0.0, 1.0)
+    return [
+        _stretches(polyline_pieces(frame.to_grid([place, c]), blind), has_fix, frame.resolution)
+        for c in graph.centres(cells)
+    ]
+
+
 class _Ends:
-    """Start and goal on the grid: cells, costs of the straight lines there, and their metres without a fix."""
+    """Start and goal on the grid: cells, costs of the straight lines there, metres without a fix."""
 
     def __init__(self, graph: GridGraph, has_fix: BoolArray, start: Place, goal: Place) -> None:
         self.starts, self.start_costs = graph.connect(start)
         self.goals, self.goal_costs = graph.connect(goal)
-        frame = graph.cost_space.frame
-        blind = np.where(has_fix, 0.0, 1.0)
-
-        def lines(place: Place, cells: IntArray) -> list[_Stretches]:
-            return [
-                _stretches(polyline_pieces(frame.to_grid([place, c]), blind), has_fix, frame.resolution)
-                for c in graph.centres(cells)
-            ]
-
-        self.start_lines = lines(start, self.starts)
-        self.goal_lines = lines(goal, self.goals)
+        self.start_lines = blind_lines(graph, has_fix, start, self.starts)
+        self.goal_lines = blind_lines(graph, has_fix, goal, self.goals)
 
 
-def _stretches(pieces: FloatArray, has_fix: BoolArray, resolution: float) -> _Stretches:
+def _stretches(pieces: FloatArray, has_fix: BoolArray, resolution: float) -> Stretches:
     ny, nx = has_fix.shape
     rows, cols = np.clip(pieces[:, (0, 2)].astype(int), 0, ny - 1), pieces[:, (1, 3)].astype(int)
     seen = has_fix[rows, np.clip(cols, 0, nx - 1)].all(axis=1)
@@ -142,7 +147,7 @@ def _stretches(pieces: FloatArray, has_fix: BoolArray, resolution: float) -> _St
         else:
             run += float(length)
             longest = max(longest, run)
-    return _Stretches(run if first is None else first, run, longest)
+    return Stretches(run if first is None else first, run, longest)
 
 
 def blind_path(
@@ -249,7 +254,7 @@ class _BlindSearch:
         """Smallest possible bound, m, or ``bound`` itself where that is enough; inf without a path."""
         ends, n = self.ends, len(self.graph.half)
 
-        def joined(cell: int, line: _Stretches, owner: int, metres: float) -> float:
+        def joined(cell: int, line: Stretches, owner: int, metres: float) -> float:
             own = self.owner[cell] == owner
             return max(line.longest, 0.0 if own else metres + float(self.gap[cell]))
 
@@ -296,12 +301,14 @@ class _BlindSearch:
             points=points[keep],
             cost=float(cost),
             blind=metres[keep],
-            longest_blind=max(start_line.longest, goal_line.longest, self._longest(walked, since)),
+            longest_blind=max(
+                start_line.longest, goal_line.longest, longest_stretch(graph, self.blind, walked, since)
+            ),
             excess=1.0,
             covariance=np.full((int(keep.sum()), 3, 3), np.nan),
         )
 
-    def _goal_line(self, cell: int, since: float, limit: float) -> _Stretches:
+    def _goal_line(self, cell: int, since: float, limit: float) -> Stretches:
         """The way from the last cell to the goal, with the metres before it; the cheapest that is allowed."""
         ends = self.ends
         able = [
@@ -313,18 +320,21 @@ class _BlindSearch:
         first = since + line.first
         # Without a fix on the line its whole length is one stretch with what came before.
         unbroken = line.first == line.last == line.longest
-        return _Stretches(first, first if unbroken else line.last, max(first, line.longest))
+        return Stretches(first, first if unbroken else line.last, max(first, line.longest))
 
-    def _longest(self, walked: IntArray, since: FloatArray) -> float:
-        """Longest stretch on the moves between cells, m."""
-        rows, cols = walked // self.graph.width, walked % self.graph.width
-        moves = self.length * np.hypot(np.diff(rows), np.diff(cols))
-        leaving = since[:-1] + np.where(self.blind[walked[:-1]] != 0, moves, 0.0)
-        return float(max(leaving.max(initial=0.0), since.max(initial=0.0)))
+
+def longest_stretch(
+    graph: GridGraph, blind: npt.NDArray[np.uint8], walked: IntArray, since: FloatArray
+) -> float:
+    """Longest stretch without a fix on the moves between cells (K,) with metres since the last (K,), m."""
+    rows, cols = walked // graph.width, walked % graph.width
+    moves = 0.5 * graph.cost_space.frame.resolution * np.hypot(np.diff(rows), np.diff(cols))
+    leaving = since[:-1] + np.where(blind[walked[:-1]] != 0, moves, 0.0)
+    return float(max(leaving.max(initial=0.0), since.max(initial=0.0)))
 
 
 def _rows(
-    cells: IntArray, costs: FloatArray, lines: list[_Stretches], limit: float, side: Literal["first", "last"]
+    cells: IntArray, costs: FloatArray, lines: list[Stretches], limit: float, side: Literal["first", "last"]
 ) -> FloatArray:
     """Shape (S, 3) for the kernel: cell, cost, metres; without the lines that break the limit themselves."""
     rows = [
