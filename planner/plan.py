@@ -76,16 +76,9 @@ def plan(problem: PlanningProblem, context: PlanningContext, *, report: Report |
     """
     clock = Clock(problem.deadline)
     check_ends(problem, context)
-    with clock.stage("grid"):
-        way = find_way(problem, context, clock)
-        proven = way is None and is_disconnected(context, problem.radius, problem.start, problem.goal)
-        if way is None and not proven and not clock.is_over():
-            finer = refined(context)
-            if finer is not None:
-                context = finer
-                way = find_way(problem, context, clock)
+    way, context, proven = first_way(problem, context, clock)
     if way is None:
-        return _nothing(problem, context, clock, proven=proven)
+        return nothing_found(problem, context, clock, proven=proven)
     work = _Work("route", _ROUTE_SHARES)
 
     def tell(points: FloatArray) -> None:
@@ -101,6 +94,59 @@ def plan(problem: PlanningProblem, context: PlanningContext, *, report: Report |
     clock.seconds["to_final_path"] = clock.elapsed
     shortest = _shortest(problem, context, clock, work, kept, route)
     return _result(problem, kept, route, shortest, work, clock, context)
+
+
+def first_way(
+    problem: PlanningProblem, context: PlanningContext, clock: Clock
+) -> tuple[Way | None, PlanningContext, bool]:
+    """Best path on the grid, on finer cells where it needs them.
+
+    Returns
+    -------
+    way, context, proven
+        None when there is none or the deadline came first; the context of the cells that were searched; and
+        whether it is proven that start and goal are not connected.
+    """
+    with clock.stage("grid"):
+        way = find_way(problem, context, clock)
+        proven = way is None and is_disconnected(context, problem.radius, problem.start, problem.goal)
+        if way is None and not proven and not clock.is_over():
+            finer = refined(context)
+            if finer is not None:
+                context = finer
+                way = find_way(problem, context, clock)
+    return way, context, proven
+
+
+def finished(
+    way: Way,
+    problem: PlanningProblem,
+    context: PlanningContext,
+    clock: Clock,
+    *,
+    name: str,
+    shares: tuple[float, float] = _ROUTE_SHARES,
+) -> tuple[Route, tuple[str, ...]]:
+    """Route from a grid path: any-angle, sampling, smoothing, annotation.
+
+    Parameters
+    ----------
+    way
+        The path and the space in which it is valid.
+    problem, context, clock
+        The question, the field of the way, the time.
+    name
+        For warnings, e.g. ``alternative 2``.
+    shares
+        Of the deadline at which sampling and smoothing end.
+
+    Returns
+    -------
+    route, warnings
+        What was made of it, and what there is to say.
+    """
+    work = _Work(name, shares)
+    return _finish(way, problem, context, clock, work), tuple(work.warnings)
 
 
 def _finish(
@@ -298,7 +344,10 @@ def _result(
     )
 
 
-def _nothing(problem: PlanningProblem, context: PlanningContext, clock: Clock, *, proven: bool) -> PlanResult:
+def nothing_found(
+    problem: PlanningProblem, context: PlanningContext, clock: Clock, *, proven: bool
+) -> PlanResult:
+    """Answer where there is no path, or none was found in time."""
     status = PlanStatus.NO_PATH
     said = f"Start and goal are not connected for a robot of radius {problem.radius:g} m."
     if not proven and clock.is_over():
