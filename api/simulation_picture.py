@@ -24,6 +24,7 @@ _HEADER = 34
 _MARGIN_M = 2.0
 _PROFILE = 230
 _ELLIPSES = 24
+_TRACKS = 40
 _ENLARGEMENTS = (1, 2, 5, 10, 20, 50, 100)
 _MAX_MAP = 900
 
@@ -54,7 +55,7 @@ def simulation_png(world: World, report: SimulationReport, *, width: int = 1400,
     view = parts.big_view(window, side)
     map_height = view.height // parts.OVERSAMPLING
     below = _HEADER + map_height + parts.AXIS_BOTTOM + 40
-    height = below + _PROFILE + 150
+    height = below + _PROFILE + 124
     canvas.check_size(width * parts.OVERSAMPLING, height * parts.OVERSAMPLING)
     image, draw = parts.blank(width, height)
     enlargement = _enlargement(report, view.scale)
@@ -80,9 +81,9 @@ def _window(world: World, report: SimulationReport) -> BBox:
 
 
 def _enlargement(report: SimulationReport, scale: float) -> int:
-    """Factor that makes a typical ellipse about 20 px (oversampled) and the largest not fill the picture."""
+    """Factor that makes a typical ellipse about 40 px (oversampled) and the largest not fill the picture."""
     axes = ellipse95(report.stations.predicted)[:, 0] * scale
-    wanted = min(20.0 / max(float(np.median(axes)), 1e-9), 120.0 / max(float(axes.max()), 1e-9))
+    wanted = min(40.0 / max(float(np.median(axes)), 1e-9), 160.0 / max(float(axes.max()), 1e-9))
     return min(_ENLARGEMENTS, key=lambda f: abs(math.log(f / wanted)))
 
 
@@ -90,13 +91,13 @@ def _map(world: World, report: SimulationReport, view: View, enlargement: int) -
     panel = parts.floor_panel(world, view)
     draw = ImageDraw.Draw(panel, "RGBA")
     path = report.reference.poses[:, :2]
-    draw.line(parts.pixels(view, path), fill=(*layers.INK, 255), width=3)
-    for track in report.tracks:
+    for track in report.tracks[:_TRACKS]:
         true = track[:, :2]
         known = np.isfinite(true[:, 0])
         if known.sum() > 1:
             drawn = path[known] + enlargement * (true[known] - path[known])
-            draw.line(parts.pixels(view, drawn), fill=(*_TRACK, 60), width=2)
+            draw.line(parts.pixels(view, drawn), fill=(*_TRACK, 70), width=2)
+    draw.line(parts.pixels(view, path), fill=(*layers.INK, 255), width=3)
     at = report.stations
     for i in np.unique(np.linspace(0, len(at.s) - 1, _ELLIPSES).astype(int)):
         covariance = at.predicted[i] * float(enlargement) ** 2
@@ -157,19 +158,20 @@ def _profile(image: Image.Image, report: SimulationReport, box: tuple[int, int, 
         draw.line([(x, top + height), (x, top + height + 5)], fill=layers.INK)
         parts.centred(draw, x, top + height + 14, f"{metres:g}", size=12)
     parts.centred(draw, left + width / 2, top + height + 31, "length from the start, m", size=13)
-    canvas.write(draw, (left - 40, top - 14), "m", size=13)
+    canvas.write(draw, (left - 40, top - 14), "r95 and distance, m", size=13)
 
 
 def _key(draw: ImageDraw.ImageDraw, report: SimulationReport, y: float, enlargement: int) -> None:
     left = parts.AXIS_LEFT
     times = f", {enlargement} times as large" if enlargement > 1 else ""
+    tracks = f"true tracks (deviation{times}); below: 95 % of distances from the path"
     rows: list[list[parts.Mark]] = [
         [
             ("line", _PREDICTED, f"predicted 95 % ellipse{times}; below: its r95"),
             ("line", _ACTUAL, "r95 of the errors"),
-            ("line", _DEVIATION, f"true tracks (deviation{times}); below: 95 % of distances from the path"),
+            ("line", layers.INK, "planned path"),
         ],
-        [("line", _COLLISION, "collision"), ("line", layers.INK, "planned path")],
+        [("line", _DEVIATION, tracks), ("line", _COLLISION, "collision")],
     ]
     for k, row in enumerate(rows):
         parts.paint_key(draw, left, y + 24 * k, row)
@@ -177,7 +179,7 @@ def _key(draw: ImageDraw.ImageDraw, report: SimulationReport, y: float, enlargem
     note = f"inside the ellipse claimed {100 * report.coverage.share:.1f} %, "
     note += f"predicted {100 * report.predicted_coverage.share:.1f} %; "
     note += f"NEES {nees.value:.2f} (3 if consistent); due fixes missed {100 * report.blind_share:.1f} %; "
-    note += f"tracks of the first {len(report.tracks)} runs"
+    note += f"tracks of the first {min(_TRACKS, len(report.tracks))} runs"
     canvas.write(draw, (left, y + 56), note, size=13, fill=parts.GREY)
 
 
