@@ -132,7 +132,14 @@ def heatmap(
     limits: Annotated[
         tuple[float, float] | None, typer.Option("--range", metavar="MIN MAX", help="Ends of the colours.")
     ] = None,
-    scale: Annotated[str, typer.Option(help="log or linear.")] = "log",
+    scale: Annotated[
+        str | None,
+        typer.Option(
+            metavar="log|linear",
+            help="Default: linear for n_visible and validity, else log.",
+            show_default=False,
+        ),
+    ] = None,
     colormap: Annotated[str, typer.Option(help=f"One of {', '.join(COLORMAPS)}.")] = "viridis",
     legend: Annotated[bool, typer.Option(help="Colour bar at the right.")] = True,
     heading: Annotated[

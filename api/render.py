@@ -16,6 +16,11 @@ BAR_WIDTH = 118
 LEAST_WIDTH, LEAST_HEIGHT = 200, 130
 
 
+def default_scale(metric: str) -> str:
+    """Scale of the colours that suits a metric: linear for counts and shares, log for lengths and areas."""
+    return "linear" if metric in {"n_visible", "validity"} else "log"
+
+
 def room_for_bar(width: int, height: int, asked: tuple[int | None, int | None]) -> tuple[int, int]:
     """Size of a picture with a colour bar, px: sides that nobody asked for grow to what it takes.
 
@@ -43,7 +48,7 @@ def heatmap_png(
     colormap: str = DEFAULT_COLORMAP,
     vmin: float | None = None,
     vmax: float | None = None,
-    scale: str = "log",
+    scale: str | None = None,
     legend: bool = True,
     landmarks: bool = True,
 ) -> bytes:
@@ -65,7 +70,7 @@ def heatmap_png(
     vmin, vmax
         Ends of the colours; default the 1st and 99th percentile of the window.
     scale
-        ``log`` or ``linear``.
+        ``log`` or ``linear``; default :func:`default_scale`.
     legend
         Whether a colour bar stands at the right.
     landmarks
@@ -74,12 +79,16 @@ def heatmap_png(
     Raises
     ------
     InvalidPicture
-        If size, window, range, scale or colour map make no sense.
+        If size, window, range, scale or colour map make no sense, or the metric is not known for the field's
+        estimator.
     """
     if metric not in METRICS:
         raise InvalidPicture(f"Unknown metric '{metric}'; use one of {', '.join(METRICS)}.")
     if colormap not in COLORMAPS:
         raise InvalidPicture(f"Unknown colour map '{colormap}'; use one of {', '.join(COLORMAPS)}.")
+    if metric == "validity" and field.method.estimator == "all_visible":
+        raise InvalidPicture("Validity is not known for fixes of all landmarks in view; draw another metric.")
+    scale = default_scale(metric) if scale is None else scale
     window = check_bbox(bbox, field.frame.bounds())
     extra = BAR_WIDTH if legend else 0
     asked = (width, height)

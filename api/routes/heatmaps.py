@@ -16,7 +16,7 @@ from api.canvas import BBox, InvalidPicture, check_bbox, picture_size
 from api.colormaps import COLORMAPS, DEFAULT_COLORMAP
 from api.dependencies import Service_
 from api.errors import InvalidRequest
-from api.render import BAR_WIDTH, heatmap_png, room_for_bar
+from api.render import BAR_WIDTH, default_scale, heatmap_png, room_for_bar
 from api.routes.common import NOT_MODIFIED, binary, problems
 from api.settings import LimitExceeded
 from localization.uncertainty_field import METRICS
@@ -76,7 +76,10 @@ def picture(
             examples=["0.001,1"],
         ),
     ] = None,
-    scale: Annotated[Literal["log", "linear"], Query(description="Of the colours.")] = "log",
+    scale: Annotated[
+        Literal["log", "linear"] | None,
+        Query(description="Of the colours; default: linear for n_visible and validity, else log."),
+    ] = None,
     legend: Annotated[bool, Query(description="Colour bar at the right.")] = True,
     landmarks: Annotated[bool, Query(description="Dots for landmarks.")] = True,
 ) -> Picture:
@@ -102,7 +105,7 @@ def picture(
         colormap=colormap_name,
         vmin=None if limits is None else limits[0],
         vmax=None if limits is None else limits[1],
-        scale=scale,
+        scale=default_scale(metric) if scale is None else scale,
         legend=legend,
         landmarks=landmarks,
     )

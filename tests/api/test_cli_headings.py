@@ -82,6 +82,8 @@ def test_a_method_is_computed_and_told(folder, capsys):
     assert "all landmarks in view" in out
     assert "not known for all_visible" in out
     assert load_field(path).method == FieldMethod("all_visible", "trace")
+    assert run("heatmap", path, "-o", folder / "v.png", "--metric", "validity") == 1
+    assert "Validity is not known" in words(capsys)[1]
     plan = ("--start", 2, 4, "--goal", 10, 4, "--radius", 0.3, "-o", "-", "--picture", folder / "all.png")
     assert run("plan", path, *plan) == 0
     answer = json.loads(capsys.readouterr().out)
@@ -125,8 +127,8 @@ def test_a_field_over_headings_is_made_and_told(folder, turning, capsys):
 def test_a_heatmap_of_each_view(turning, folder, heading, capsys):
     for metric in ("area95_m2", "n_visible", "validity"):
         path = folder / "view.png"
-        scale = ("--metric", metric, "--scale", "linear" if metric != "area95_m2" else "log")
-        assert run("heatmap", turning, "-o", path, "--heading", heading, *scale, "--width", 300) == 0
+        shown = ("--heading", heading, "--metric", metric, "--width", 300)
+        assert run("heatmap", turning, "-o", path, *shown) == 0
         assert width_of(path) == 300
     assert "note" not in words(capsys)[1], "what was asked for needs no remark"
 

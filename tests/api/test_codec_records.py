@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from api import answers
+from api.canvas import InvalidPicture
 from api.codec_records import _to_circle, point_to_json
 from api.plan_picture import plan_png
 from api.render import heatmap_png
@@ -112,7 +113,8 @@ def test_all_landmarks_together_have_no_triplet_and_no_validity(name):
     assert value["triplet"] is value["validity"] is value["valid"] is None
     assert value["covariance"] == list(field.covariance[row, col])
     assert heatmap_png(field, width=300)
-    assert heatmap_png(field, metric="validity", width=300), "nothing is known, but there is a picture"
+    with pytest.raises(InvalidPicture, match="not known for fixes of all landmarks"):
+        heatmap_png(field, metric="validity", width=300)  # all hatched, it would say that there is no fix
 
 
 def test_a_plan_without_triplets_is_not_blind():

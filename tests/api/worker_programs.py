@@ -35,7 +35,9 @@ def result(n, route=True):
 def flat_route():
     points = np.array([[0.0, 0.0], [1.0, 0.0]])
     none, zero = np.full(2, np.nan), np.zeros((2, 2))
-    path = Path2D(points, points[:, 0], none, np.full((2, 3), np.nan), none, np.full((2, 3), -1), none, none)
+    path = Path2D(
+        points, points[:, 0], none, np.full((2, 3), np.nan), none, np.full((2, 3), -1), none, none, none, none
+    )
     summary = RouteSummary(1.0, 1.0, 1.0, None, None, None, None, None, 1.0, 1.0)
     return Route(path, Trajectory(points[:, 0], points, zero, zero), summary)
 

@@ -112,9 +112,11 @@ def test_the_heatmap_is_a_picture_of_the_size_asked_for(gallery):
 
 @pytest.mark.parametrize("metric", METRICS)
 def test_every_metric_is_drawn_and_read(gallery, metric):
-    scale = "linear" if metric == "n_visible" else "log"
+    scale = "linear" if metric in {"n_visible", "validity"} else "log"
     picture = gallery.client.get(f"{gallery.path}/heatmap.png?metric={metric}&width=300&scale={scale}")
     assert picture.status_code == 200
+    usual = gallery.client.get(f"{gallery.path}/heatmap.png?metric={metric}&width=300")
+    assert usual.headers["etag"] == picture.headers["etag"], "the scale that suits the metric is the default"
     values = np.load(io.BytesIO(gallery.client.get(f"{gallery.path}/heatmap.npy?metric={metric}").content))
     assert values.shape == (12, 16)
     stored = gallery.client.app.state.service.store.load_field(gallery.id)
