@@ -25,6 +25,7 @@ SECTIONS = {
     "large": "bench_large",
     "scaling": "bench_scaling",
     "plan": "bench_planner",
+    "simulation": "bench_simulation",
     "heatmap": "bench_heatmap",
 }
 DOCUMENT = Path(__file__).parents[2] / "docs" / "benchmarks.md"
