@@ -49,6 +49,8 @@ CODES: dict[str, tuple[int, str]] = {
     "goal_outside_map": (422, "Goal is not on the map"),
     "start_occupied": (422, "The robot does not fit at the start"),
     "goal_occupied": (422, "The robot does not fit at the goal"),
+    "via_outside_map": (422, "A via point is not on the map"),
+    "via_occupied": (422, "The robot does not fit at a via point"),
     "overloaded": (503, "The service is busy"),
     "store_unavailable": (503, "The store does not answer"),
     "internal": (500, "The service failed"),
@@ -120,6 +122,8 @@ TABLE: dict[type[Exception], tuple[str, str | None]] = {
     planner.GoalOutsideMap: ("goal_outside_map", "#/goal"),
     planner.StartOccupied: ("start_occupied", "#/start"),
     planner.GoalOccupied: ("goal_occupied", "#/goal"),
+    planner.ViaOutsideMap: ("via_outside_map", "#/via"),
+    planner.ViaOccupied: ("via_occupied", "#/via"),
     planner.PlannerError: ("invalid_request", None),
     maps.SurepathError: ("invalid_request", None),
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TypedDict
 
 import numpy as np
@@ -25,7 +26,12 @@ _CHORD_M = 1e-3
 
 
 def annotate(
-    trajectory: Trajectory, context: PlanningContext, cost_space: CostSpace, *, cost: float | None = None
+    trajectory: Trajectory,
+    context: PlanningContext,
+    cost_space: CostSpace,
+    *,
+    cost: float | None = None,
+    stops: Sequence[int] = (),
 ) -> Route:
     """Route of a trajectory: waypoints with covariance, triplet, pan and clearance, and its figures.
 
@@ -39,6 +45,8 @@ def annotate(
         Robot and rates; the path must be valid in it.
     cost
         Cost to report; None: the exact cost in ``cost_space``.
+    stops
+        Samples that are waypoints in any case, ascending.
 
     Returns
     -------
@@ -54,7 +62,7 @@ def annotate(
     steps = np.hypot(*np.diff(points, axis=0).T)
     arc = np.concatenate([[0.0], np.cumsum(steps)])
     rows, cols, lengths, begins = _cells_along(points, field, context.r95, arc)
-    at = _waypoints(points, arc, cost_space)
+    at = _waypoints(points, arc, cost_space, stops)
     s = arc[at]
     cell = np.clip(np.searchsorted(begins, s, side="right") - 1, 0, len(begins) - 1)
     path = _path(points[at], s, rows[cell], cols[cell], context, cost_space.radius)
@@ -98,15 +106,20 @@ def _cells_along(
     return rows, cols, lengths, begins * (arc[-1] / lengths.sum())
 
 
-def _waypoints(points: FloatArray, arc: FloatArray, cost_space: CostSpace) -> IntArray:
+def _waypoints(
+    points: FloatArray, arc: FloatArray, cost_space: CostSpace, stops: Sequence[int] = ()
+) -> IntArray:
     """Indices of samples: as far apart as spacing, a chord within 1 mm of the path and validity allow."""
     spacing = max(SPACING_M, cost_space.frame.resolution)
     out = [0]
     last = len(points) - 1
+    ahead = [*stops, last]
     while out[-1] < last:
         i = out[-1]
+        while ahead[0] <= i:
+            ahead.pop(0)
         j = int(np.searchsorted(arc, arc[i] + spacing * (1 + 1e-9), side="right")) - 1
-        j = min(max(j, i + 1), last)
+        j = min(max(j, i + 1), ahead[0])
         while j > i + 1 and not _is_chord(points, i, j, cost_space):
             j = i + 1 + (j - i - 1) // 2
         out.append(j)

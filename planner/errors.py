@@ -5,8 +5,8 @@
     SurepathError
     └── PlannerError
         ├── InvalidProblem       a number that makes no sense
-        ├── StartOutsideMap, GoalOutsideMap
-        └── StartOccupied, GoalOccupied     in an obstacle, or too close for the robot's radius
+        ├── StartOutsideMap, GoalOutsideMap, ViaOutsideMap
+        └── StartOccupied, GoalOccupied, ViaOccupied    in an obstacle, or too close for the robot's radius
 """
 
 from __future__ import annotations
@@ -46,3 +46,11 @@ class StartOccupied(PlannerError):
 
 class GoalOccupied(PlannerError):
     """The robot does not fit at the goal."""
+
+
+class ViaOutsideMap(PlannerError):
+    """A via point is not on the map."""
+
+
+class ViaOccupied(PlannerError):
+    """The robot does not fit at a via point."""

@@ -23,6 +23,7 @@ from planner.problem import PlanningProblem
 from planner.result import PlanResult, PlanStatus, Route, Trajectory
 from planner.timing import time_polyline
 from planner.unmet import keeps_risk, unmet_bounds
+from planner.via import plan_via
 
 Report = Callable[[PlanResult], None]
 
@@ -56,7 +57,8 @@ def plan(problem: PlanningProblem, context: PlanningContext, *, report: Report |
     context
         The field.
     report
-        Called with the first path and with every improvement, in this thread.
+        Called with the first path and with every improvement, in this thread; with via points once, at the
+        end.
 
     Returns
     -------
@@ -73,7 +75,14 @@ def plan(problem: PlanningProblem, context: PlanningContext, *, report: Report |
     ------
     StartOutsideMap, GoalOutsideMap, StartOccupied, GoalOccupied
         If the robot cannot stand at an end.
+    ViaOutsideMap, ViaOccupied
+        If it cannot stand at a via point.
     """
+    if problem.via:
+        result = plan_via(problem, context, plan)
+        if report is not None and result.route is not None:
+            report(result)
+        return result
     clock = Clock(problem.deadline)
     check_ends(problem, context)
     way, context, proven = first_way(problem, context, clock)
