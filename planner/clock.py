@@ -10,6 +10,34 @@ from contextlib import contextmanager
 import numpy as np
 import numpy.typing as npt
 
+# Deadlines further away than this, s, are none.
+_LONGEST_S = 1e6
+
+
+@contextmanager
+def flag_at(deadline_at: float, flag: npt.NDArray[np.uint8] | None = None) -> Iterator[npt.NDArray[np.uint8]]:
+    """Shape (1,): becomes 1 at a ``time.monotonic()``, for kernels that run without the interpreter's lock.
+
+    A flag that is given is used, so that another thread can set it earlier.
+    """
+    if flag is None:
+        flag = np.zeros(1, dtype=np.uint8)
+    left = deadline_at - time.monotonic()
+    if left <= 0:
+        flag[0] = 1
+    if left <= 0 or left > _LONGEST_S:
+        yield flag
+        return
+
+    timer = threading.Timer(left, flag.__setitem__, (0, 1))
+    timer.daemon = True
+    timer.start()
+    try:
+        yield flag
+    finally:
+        timer.cancel()
+        timer.join()
+
 
 class Clock:
     """Time since a plan began, its deadline, and the seconds that each stage took.
@@ -53,22 +81,5 @@ class Clock:
 
         A flag that is given is used, so that another thread can set it earlier.
         """
-        if flag is None:
-            flag = np.zeros(1, dtype=np.uint8)
-        left = self.at() - time.monotonic()
-        if left <= 0:
-            flag[0] = 1
-            yield flag
-            return
-
-        def end() -> None:
-            flag[0] = 1
-
-        timer = threading.Timer(left, end)
-        timer.daemon = True
-        timer.start()
-        try:
-            yield flag
-        finally:
-            timer.cancel()
-            timer.join()
+        with flag_at(self.at(), flag) as given:
+            yield given

@@ -19,7 +19,7 @@ from planner.steering import PoseCurve, PoseSpace, Steering, shortest_curve
 MAX_STATES = 400_000_000
 # Poses of the lattice within this many cells and radii of an end are joined to it by one curve.
 _REACH_CELLS = 3.0
-_REACH_RADII = 2.0
+_REACH_RADII = {"dubins": 2.0, "reeds_shepp": 1.0}
 # Curves that are more than this longer than the straight line, in radii, do not join.
 _DETOUR_RADII = 1.0
 
@@ -132,13 +132,14 @@ class Lattice:
         """Poses near an end that the shortest curve joins to it where it is valid.
 
         For cars all poses within two radii, plus three cells, whose curve is at most one radius longer than
-        the straight line; an end without heading takes the lattice's headings up to one step from the pose's own.
+        the straight line; an end without heading takes the lattice's headings up to one step from
+        the pose's own.
         """
         steering = self.space.steering
         frame = self.space.cost_space.frame
         headings = self.primitives.headings
         radius = steering.min_turn_radius if steering.is_car else 0.0
-        reach = _REACH_CELLS * frame.resolution + _REACH_RADII * radius
+        reach = _REACH_CELLS * frame.resolution + _REACH_RADII.get(steering.kinematics, 0.0) * radius
         cells = self._cells_near(end, reach)
         n = len(headings)
         keys = (cells[:, None] * n + np.arange(n)).ravel()
@@ -217,7 +218,8 @@ def lattice_for(space: PoseSpace, *, n_headings: int = 16) -> Lattice:
     if lattice.n_states > MAX_STATES:
         raise InvalidProblem(
             f"A lattice of {n_headings} headings on {frame.n_rows} × {frame.n_cols} cells has "
-            f"{lattice.n_states} poses; at most {MAX_STATES} are searched: use fewer headings or larger cells."
+            f"{lattice.n_states} poses; at most {MAX_STATES} are searched: use fewer headings or "
+            "larger cells."
         )
     return lattice
 
@@ -254,7 +256,12 @@ def search_lattice(lattice: Lattice, start: End, goal: End, *, stop: Stop | None
     n = len(lattice.primitives.headings)
     args = lattice.move_args
     to_go = np.empty(space.cost_space.frame.shape)
-    if not kernel.costs_without_headings(last.keys // n, last.costs, first.keys // n, flag, to_go, *args):
+    row, col = space.cost_space.frame.cell_at((start.x, start.y))
+    guide = np.array([row, col, float(space.rates.min())])
+    ok = kernel.costs_without_headings(
+        last.keys // n, last.costs, first.keys // n, guide, direct_cost, flag, to_go, *args
+    )
+    if not ok:
         return LatticeWay(Outcome.STOPPED, direct, direct_cost, 0, None)
     seeds, seed_costs, of = _seeds(lattice, first)
     so_far = np.zeros(lattice.n_states)

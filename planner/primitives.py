@@ -99,9 +99,9 @@ def primitives_for(steering: Steering, resolution: float, yaw: float, count: int
     Notes
     -----
     Moves lead from centre to centre of cells [PKK09]: one step straight along every heading; for cars,
-    straight lines joined by one arc of at least the smallest radius, for neighbouring headings the three shortest, for
-    those after them the shortest, that do not begin or end with a whole straight step; in reverse the same
-    backwards; for the others turns in place to the neighbouring headings.
+    straight lines joined by one arc of at least the smallest radius, for neighbouring headings the three
+    shortest, for those after them the shortest, that do not begin or end with a whole straight step; in
+    reverse the same backwards; for the others turns in place to the neighbouring headings.
     """
     vectors = lattice_vectors(count)
     moves: list[tuple[int, int, int, int, FloatArray]] = []
@@ -118,7 +118,7 @@ def primitives_for(steering: Steering, resolution: float, yaw: float, count: int
                 j = (i + side * steps) % count
                 moves += [
                     (i, j, *end, parts)
-                    for end, parts in _arcs(v, vectors[j], steering.min_turn_radius, resolution)[:most]
+                    for end, parts in _arcs(v, vectors[j], steering.min_turn_radius, resolution, most)
                 ]
     if steering.has_reverse:
         moves += [(j, i, -dx, -dy, _reversed(parts)) for i, j, dx, dy, parts in moves]
@@ -137,7 +137,7 @@ def _reversed(parts: FloatArray) -> FloatArray:
 
 
 def _arcs(
-    first: IntArray, last: IntArray, radius: float, resolution: float
+    first: IntArray, last: IntArray, radius: float, resolution: float, most: int
 ) -> list[tuple[tuple[int, int], FloatArray]]:
     # Ends (dx, dy) in cells with the parts that lead there, the shortest first.
     turn = float(wrap(_angle(last) - _angle(first)))
@@ -160,8 +160,11 @@ def _arcs(
     ends, least, spare = ends[ok], least[ok], spare[ok]
     length = spare.sum(axis=1) + abs(turn) * least / tangent
     out = []
-    # Ties are broken by the distance from the middle of both headings, the same way on either side.
-    for k in np.lexsort((np.round(np.abs(ends @ (a - b)), 9), np.round(length, 9))):
+    # The same whichever way the curve is driven: equals stay together.
+    rank = np.column_stack([np.round(length, 9), np.round(np.abs(ends @ (a - b)), 9)])
+    order = np.lexsort((rank[:, 1], rank[:, 0]))
+    cut = rank[order[min(most, len(order)) - 1]]
+    for k in order[: most + int((rank[order[most:]] == cut).all(axis=1).sum())]:
         arc = max(float(least[k]) / tangent, radius)
         parts = [(spare[k, 0], 0.0, 0.0), (abs(turn) * arc, math.copysign(1.0 / arc, turn), 0.0)]
         parts.append((spare[k, 1], 0.0, 0.0))

@@ -1,4 +1,4 @@
-"""OMPL for cars: RRT* over poses, from a way at hand to a cheaper one; beside ``sampling``, all that uses ompl."""
+"""OMPL for cars: RRT* over poses, from a way at hand to a cheaper one."""
 
 from __future__ import annotations
 
@@ -159,12 +159,12 @@ def _grow(
     info.setMotionValidator(_Motions(info, space))
     info.setup()
     question = ob.ProblemDefinition(info)
-    way = warm.sample(_WARM_M).poses
+    way = np.array(warm.sample(_WARM_M).poses)
+    poses: list[Pose] = [(x, y, theta) for x, y, theta in way.tolist()]
     first = states.allocState()
-    _set(first, tuple(way[0]))
+    _set(first, poses[0])
     question.addStartState(first)
-    goal = tuple(float(v) for v in way[-1])
-    feed = _Feed(info, goal, [tuple(map(float, p)) for p in way[1:]], drawn)
+    feed = _Feed(info, poses[-1], poses[1:], drawn)
     question.setGoal(feed)
     question.setOptimizationObjective(_Cost(info, space))
     planner = og.RRTstar(info)

