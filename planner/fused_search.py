@@ -19,6 +19,7 @@ from maps.arrays import FloatArray, IntArray
 from planner.cost_to_go import CostToGo, GridGraph, Place
 from planner.errors import InvalidProblem
 from planner.fused_belief import FilterModel, FusedField, as_matrices, as_packed
+from planner.kernels.belief import advance, turned
 from planner.kernels.fused import (
     ANCHOR,
     BY_COST,
@@ -28,9 +29,7 @@ from planner.kernels.fused import (
     DIRECTION,
     METRES,
     MOST,
-    advance,
     fused_labels,
-    turned,
 )
 from planner.kernels.labels import EXHAUSTED, FOUND
 from planner.label_search import LabelPath, Stop, blind_lines, kept_points, longest_stretch, without_path

@@ -11,19 +11,9 @@ from localization import covariance as cov
 from localization.kernels.ekf import predict
 from localization.motion import OdometryModel
 from planner.fused_belief import as_matrices, as_packed
+from planner.kernels.belief import advance, fold_in, largest_variance, predict_straight, r95_of, turned
 from planner.kernels.cost_to_go import one_to_all, padded_half_costs
-from planner.kernels.fused import (
-    BY_COST,
-    BY_EXCESS,
-    BY_R95,
-    advance,
-    fold_in,
-    fused_labels,
-    largest_variance,
-    predict_straight,
-    r95_of,
-    turned,
-)
+from planner.kernels.fused import BY_COST, BY_EXCESS, BY_R95, fused_labels
 from planner.kernels.labels import EXHAUSTED, FOUND, FULL, STOPPED
 from tests.oracles import belief_after, every_fused_walk
 
