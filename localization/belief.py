@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from localization import covariance as cov
-from localization.errors import LocalizationError
+from localization.errors import LocalizationError, NotPositiveDefinite
 from maps.arrays import FloatArray, frozen
 from maps.se2 import wrap
 
@@ -17,10 +17,6 @@ BeliefKind = Literal["prior", "prediction", "posterior"]
 _KINDS = ("prior", "prediction", "posterior")
 #: Rounding allowed in the correlation matrix of a covariance that is called positive semidefinite.
 PSD_TOLERANCE = 1e-9
-
-
-class NotPositiveDefinite(LocalizationError):
-    """A covariance is not symmetric and positive semidefinite."""
 
 
 def is_positive_semidefinite(covariance: npt.ArrayLike) -> bool:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from localization.errors import LocalizationError
+from localization.errors import CalibrationError
 from localization.logs import BearingLog, residuals
 from localization.robust import (
     GATE_SIGMAS,
@@ -30,10 +30,6 @@ MIN_SIGHTINGS = 30
 MIN_PER_LANDMARK = 10
 _RANGE_EDGES = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 7.0, math.inf)
 _BEARING_STEP = math.radians(10.0)
-
-
-class CalibrationError(LocalizationError):
-    """A log holds too little to calibrate from."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,17 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from localization.errors import InvalidSensor, LocalizationError
+from localization.errors import BehindCamera, ColumnOutsideImage, InvalidSensor
 from localization.sensors import PinholeSensor
 from maps.arrays import BoolArray, FloatArray
-
-
-class ColumnOutsideImage(LocalizationError):
-    """An image column that the camera does not have."""
-
-
-class BehindCamera(LocalizationError):
-    """A bearing at or beyond 90° off the optical axis: it has no image column."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +107,21 @@ class Camera:
         return np.asarray(self.principal_px - self.focal_px * np.tan(b))
 
     def bearing_sigma(self, columns: npt.ArrayLike, column_sigma_px: float) -> FloatArray:
-        """Standard deviation of the bearings of columns, rad: ``σ_u cos²ψ / f`` (MATH §1)."""
-        t = (self.principal_px - np.asarray(columns, dtype=np.float64)) / self.focal_px
+        """Standard deviation of the bearings of columns, rad: ``σ_u cos²ψ / f`` (MATH §1).
+
+        Raises
+        ------
+        ColumnOutsideImage
+            If a column is not finite; beside the image it may lie.
+        InvalidSensor
+            If the sigma is negative or not finite.
+        """
+        u = np.asarray(columns, dtype=np.float64)
+        if not np.isfinite(u).all():
+            raise ColumnOutsideImage(
+                f"{np.count_nonzero(~np.isfinite(u))} of {u.size} image columns are not finite."
+            )
+        if not 0 <= column_sigma_px < math.inf:
+            raise InvalidSensor(f"Camera column_sigma_px is {column_sigma_px}; it must be ≥ 0 px and finite.")
+        t = (self.principal_px - u) / self.focal_px
         return np.asarray(column_sigma_px / (self.focal_px * (1.0 + t * t)))

@@ -9,13 +9,16 @@ import numpy as np
 import numpy.typing as npt
 from scipy.stats import chi2
 
-from localization.belief import NotPositiveDefinite, PoseBelief, require_covariance
-from localization.errors import LocalizationError
+from localization.belief import PoseBelief, require_covariance
+from localization.errors import LocalizationError, NotPositiveDefinite
 from localization.kernels import ekf as kernel
 from localization.motion import OdometryModel, check_increment
 from localization.sensors import CENTRE, Mount
 from maps.arrays import BoolArray, FloatArray, frozen
 from maps.se2 import wrap
+
+#: Larger sigmas (rad, m) say nothing, and their squares would leave the range of numbers.
+MAX_SIGMA = 1e12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,7 +119,8 @@ def update_with_bearings(
     Returns
     -------
     update
-        A bearing of a landmark within a millimetre of the mean, or NaN, is not accepted.
+        A bearing of a landmark within a millimetre of the mean, or NaN, is not accepted; its innovation is
+        NaN.
 
     Raises
     ------
@@ -131,12 +135,12 @@ def update_with_bearings(
         raise LocalizationError("Bearings must be finite or NaN, and landmarks finite.")
     s = np.asarray(sigma, dtype=np.float64)
     survey = np.asarray(survey_sigma, dtype=np.float64)
-    if s.shape not in {(), z.shape} or not (np.isfinite(s) & (s > 0)).all():
+    if s.shape not in {(), z.shape} or not ((s > 0) & (s <= MAX_SIGMA)).all():
         raise LocalizationError(
-            f"Sigma is {sigma!r}; it must be positive and finite, one number or one per bearing."
+            f"Sigma is {sigma!r}; it must be positive, up to {MAX_SIGMA:g}, one number or one per bearing."
         )
-    if survey.shape not in {(), z.shape} or not (np.isfinite(survey) & (survey >= 0)).all():
-        raise LocalizationError(f"Survey sigma is {survey_sigma!r}; it must be ≥ 0 and finite.")
+    if survey.shape not in {(), z.shape} or not ((survey >= 0) & (survey <= MAX_SIGMA)).all():
+        raise LocalizationError(f"Survey sigma is {survey_sigma!r}; it must be from 0 to {MAX_SIGMA:g} m.")
     innovations, normalised, accepted = np.empty(len(z)), np.empty(len(z)), np.empty(len(z), dtype=np.bool_)
     mean, P = belief.mean.copy(), belief.covariance.copy()
     variances = np.broadcast_to(s * s, z.shape).copy()

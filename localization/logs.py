@@ -7,7 +7,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from localization.errors import LocalizationError
+from localization.errors import LogFormatError
 from maps.arrays import BoolArray, FloatArray, IntArray, frozen
 from maps.landmarks import LandmarkSet
 from maps.se2 import wrap
@@ -16,10 +16,6 @@ from maps.se2 import wrap
 MAX_GAP_S = 0.1
 # Times of a log are sums or counts since an epoch.
 _ROUNDING_S = 1e-6
-
-
-class LogFormatError(LocalizationError):
-    """A log cannot be read as what it claims to be."""
 
 
 class Sighting(IntEnum):
@@ -65,7 +61,7 @@ class BearingLog:
     Raises
     ------
     LogFormatError
-        If shapes disagree, times go back, or a usable sighting lacks a number.
+        If shapes disagree, times go back, or odometry, track or a usable sighting lacks a number.
     """
 
     name: str
@@ -94,6 +90,13 @@ class BearingLog:
             raise LogFormatError(
                 f"Log '{self.name}': reference has shape {self.reference.shape}, not ({n}, 3)."
             )
+        for name, columns in (("odometry", 3), ("track", 4)):
+            rows = getattr(self, name)
+            if rows.ndim != 2 or rows.shape[1] != columns or not np.isfinite(rows).all():
+                raise LogFormatError(
+                    f"Log '{self.name}': its {name} has shape {rows.shape}; "
+                    f"it must be {columns} finite numbers a line."
+                )
         for name, array in (
             ("sightings", self.time),
             ("odometry", self.odometry[:, 0]),

@@ -132,11 +132,15 @@ def wheel_increments(
     Raises
     ------
     LocalizationError
-        If the track is not positive.
+        If the track is not positive, shapes disagree or a number is not finite.
     """
     if not (math.isfinite(track) and track > 0):
         raise LocalizationError(f"Track is {track} m; it must be positive and finite.")
     a, b = np.asarray(left, dtype=np.float64), np.asarray(right, dtype=np.float64)
+    if a.shape != b.shape or not (np.isfinite(a).all() and np.isfinite(b).all()):
+        raise LocalizationError(
+            f"Wheels rolled {a.shape} and {b.shape} numbers; give as many of each, all finite (m)."
+        )
     return np.asarray(0.5 * (a + b)), np.asarray((b - a) / track)
 
 
@@ -144,8 +148,15 @@ def increments_between(poses: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Odometry that a robot would report on arcs through poses (K, 3): distances (K-1,) m, turns (K-1,) rad.
 
     The distance is signed by the direction of travel; what an arc cannot do (sideways steps) is left out.
+
+    Raises
+    ------
+    LocalizationError
+        If the shape is wrong or a number is not finite.
     """
     p = np.asarray(poses, dtype=np.float64)
+    if p.ndim != 2 or p.shape[1] != 3 or not np.isfinite(p).all():
+        raise LocalizationError(f"Poses have shape {p.shape}; give (K, 3), all finite (m, m, rad).")
     step = np.diff(p[:, :2], axis=0)
     turn = np.diff(p[:, 2])
     turn = turn - 2 * math.pi * np.round(turn / (2 * math.pi))

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from localization.calibration import MIN_SIGHTINGS, CalibrationError
+from localization.calibration import MIN_SIGHTINGS
+from localization.errors import CalibrationError
 from localization.logs import BearingLog, driven_between, interpolated, residuals
 from localization.motion import OdometryModel
 from localization.robust import robust_scale, shares_of_variance

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from localization.camera import Camera
-from localization.errors import DegenerateGeometry, LocalizationError
+from localization.errors import DegenerateGeometry, InvalidMeasurement
 from localization.kernels import least_squares
 from localization.kernels import triangulation as kernel
 from localization.kernels.trigonometry import MAX_ANGLE
@@ -22,13 +22,11 @@ MIN_RELIABILITY = 1e-9
 #: Starts of a least-squares fix come from the triplets among this many bearings, spread over the directions.
 START_BEARINGS = 20
 MAX_STEPS = 60
+#: Larger sigmas (rad, px) say nothing, and their squares would leave the range of numbers.
+MAX_SIGMA = 1e12
 _STARTS_TRIED = 4
 _NO_CAMERA = np.empty(0)
 _NO_PAN = np.zeros(1)
-
-
-class InvalidMeasurement(LocalizationError):
-    """Bearings, columns, landmarks or sigmas of impossible shape or value."""
 
 
 class FixStatus(IntEnum):
@@ -229,7 +227,7 @@ def locate(bearings: npt.ArrayLike, landmarks: npt.ArrayLike, sigma: npt.ArrayLi
     landmarks
         Shape (M, 2): in W, m, at three places at least.
     sigma
-        Standard deviations of the bearings, rad: one, or (M,); positive.
+        Standard deviations of the bearings, rad: one, or (M,); from 1e-12 to 1e12.
 
     Returns
     -------
@@ -253,8 +251,10 @@ def locate(bearings: npt.ArrayLike, landmarks: npt.ArrayLike, sigma: npt.ArrayLi
     if not (np.abs(b) <= MAX_ANGLE).all() or not (np.abs(m) <= kernel.MAX_COORDINATE).all():
         raise InvalidMeasurement("Bearings and landmarks must be finite, up to 1e5 rad and 1e12 m.")
     s = np.asarray(sigma, dtype=np.float64)
-    if s.shape not in {(), (len(b),)} or not np.isfinite(s).all() or not (s >= 1e-12).all():
-        raise InvalidMeasurement(f"sigma is {s.tolist()}; give one or {len(b)} numbers of 1e-12 rad or more.")
+    if s.shape not in {(), (len(b),)} or not ((s >= 1e-12) & (s <= MAX_SIGMA)).all():
+        raise InvalidMeasurement(
+            f"sigma is {s.tolist()}; give one or {len(b)} numbers from 1e-12 to {MAX_SIGMA:g} rad."
+        )
     if len(np.unique(m, axis=0)) < 3:
         raise DegenerateGeometry("The landmarks stand at fewer than three places; a fix needs three.")
     weights = np.ascontiguousarray(np.broadcast_to(s**-2.0, b.shape))
@@ -348,6 +348,8 @@ def _variances(sigma: npt.ArrayLike, n: int) -> FloatArray:
     s = np.asarray(sigma, dtype=np.float64)
     if s.shape not in {(), (3,), (n, 3)}:
         raise InvalidMeasurement(f"sigma has shape {s.shape}; give one number, (3,) or ({n}, 3).")
-    if not ((s >= 0) & (s < np.inf)).all():
-        raise InvalidMeasurement(f"sigma must be ≥ 0 and finite; its smallest value is {np.min(s)}.")
+    if not ((s >= 0) & (s <= MAX_SIGMA)).all():
+        raise InvalidMeasurement(
+            f"sigma must be ≥ 0 and at most {MAX_SIGMA:g}; it goes from {np.min(s)} to {np.max(s)}."
+        )
     return np.ascontiguousarray(np.broadcast_to(s, (1, 3)) if s.ndim < 2 else s) ** 2

@@ -16,7 +16,8 @@ import numpy as np
 from scipy.io import loadmat
 from scipy.io.matlab import MatReadError
 
-from localization.logs import BearingLog, LogFormatError, Sighting, blocks_at_jumps, blocks_of, interpolated
+from localization.errors import LogFormatError
+from localization.logs import BearingLog, Sighting, blocks_at_jumps, blocks_of, interpolated
 from maps.arrays import FloatArray, IntArray
 from maps.errors import MapError
 from maps.landmarks import LandmarkSet

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from localization.errors import LogFormatError
 from localization.io.mrclam import read_mrclam_mat, read_mrclam_run
 from localization.io.roh import read_roh
-from localization.logs import LogFormatError
 from localization.validation import LogCase
 
 

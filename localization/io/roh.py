@@ -12,8 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from localization.errors import LogFormatError
 from localization.io.mrclam import table
-from localization.logs import BearingLog, LogFormatError, Sighting
+from localization.logs import BearingLog, Sighting
 from maps.arrays import FloatArray, IntArray
 from maps.errors import MapError
 from maps.landmarks import LandmarkSet
