@@ -16,6 +16,7 @@ from planner.clock import Clock
 from planner.context import PlanningContext
 from planner.cost_to_go import CostToGo, Place
 from planner.errors import InvalidProblem
+from planner.example_context import example_context
 from planner.kernels.matrix import way_figures
 from planner.narrow import components, refined
 from planner.travel import PlaceStatus, Travel, place_status
@@ -168,6 +169,11 @@ def cost_matrix(
         stats={"searches": float(work.searches), "total_s": clock.elapsed},
         **layers,
     )
+
+
+def warm_up() -> None:
+    """Compile or load what a matrix needs, by a small one in a made-up room."""
+    cost_matrix(example_context(), [(1.0, 1.0), (5.0, 5.0)], travel=Travel(0.2))
 
 
 def trapezoid_duration(length: FloatArray, max_speed: float, max_accel: float) -> FloatArray:

@@ -1053,3 +1053,22 @@ def every_fused_walk(
             new = cost + d * (1 + weight * (r95(P) + r95(after)) / 2)
             heapq.heappush(waiting, (new, count, to, after, then, direction))
     return math.inf
+
+
+def front_of_worst(values, passable, source, target, *, resolution):
+    """Front of (length, worst value) from cell to cell: the shortest way under every level, dominated ones out."""
+    front = []
+    for level in sorted({float(v) for v in values[passable]}):
+        usable = passable & (values <= level)
+        if usable[source] and usable[target]:
+            length = grid_dijkstra(np.ones(values.shape), usable, source, resolution).get(target, math.inf)
+            if length < (front[-1][0] - 1e-9 if front else math.inf):
+                front.append((length, level))
+    return front[::-1]
+
+
+def hull_of_weights(values, passable, source, target, *, resolution, weights):
+    """Smallest ``length + w · ∫ value`` from cell to cell for each weight."""
+    return [
+        grid_dijkstra(1 + w * values, passable, source, resolution).get(target, math.inf) for w in weights
+    ]
