@@ -5,6 +5,7 @@ from __future__ import annotations
 import heapq
 import math
 from dataclasses import dataclass, replace
+from itertools import count as count_up
 from itertools import pairwise
 
 import numpy as np
@@ -103,11 +104,12 @@ class GridFront:
         levels = np.unique(self.values[self.base.cost_space.passable])
         scale = (last.length - first.length, max(first.worst - last.worst, 1e-300))
         gaps: list[tuple[float, int, GridPoint, GridPoint]] = []
+        order = count_up()
 
         def add(surer: GridPoint, shorter: GridPoint) -> None:
             wide = (surer.length - shorter.length) / scale[0]
             high = (shorter.worst - surer.known_to) / scale[1]
-            heapq.heappush(gaps, (-wide * high, len(gaps) + len(self.points), surer, shorter))
+            heapq.heappush(gaps, (-wide * high, next(order), surer, shorter))
 
         add(last, first)
         while gaps and len(self.points) < count and self.stop[0] == 0:
@@ -144,7 +146,8 @@ class GridFront:
         if min(scale) <= 0:
             self.points = [min(self.points, key=lambda p: (p.length, p.integral))]
             return
-        gaps = [(-1.0, 0, a, b)]
+        order = count_up()
+        gaps = [(-1.0, next(order), a, b)]
         while gaps and len(self.points) < count and self.stop[0] == 0:
             _, _, a, b = heapq.heappop(gaps)
             weight = (b.length - a.length) / (a.integral - b.integral)
@@ -157,7 +160,7 @@ class GridFront:
                 wide, high = q.length - p.length, p.integral - q.integral
                 if wide > scale[0] * _EQUAL and high > scale[1] * _EQUAL:
                     area = wide * high / (scale[0] * scale[1])
-                    heapq.heappush(gaps, (-area, len(gaps) + len(self.points), p, q))
+                    heapq.heappush(gaps, (-area, next(order), p, q))
         self.points.sort(key=lambda p: p.length)
 
     def way(self, point: GridPoint) -> Way:
