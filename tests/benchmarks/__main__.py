@@ -25,6 +25,8 @@ SECTIONS = {
     "large": "bench_large",
     "scaling": "bench_scaling",
     "plan": "bench_planner",
+    "labels": "bench_labels",
+    "matrix": "bench_matrix",
     "simulation": "bench_simulation",
     "heatmap": "bench_heatmap",
 }
