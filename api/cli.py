@@ -10,6 +10,7 @@ from typer.exceptions import TyperException
 from api.cli_common import EXIT_MISTAKE
 from api.cli_field import field, heatmap
 from api.cli_fixes import fixes
+from api.cli_matrix import matrix, reach
 from api.cli_plan import plan
 from api.cli_reproduce import reproduce_app
 from api.cli_serve import demo, serve
@@ -37,7 +38,7 @@ app = typer.Typer(
     ),
 )
 app.add_typer(world_app, name="world")
-for command in (field, heatmap, plan, serve, demo, validate):
+for command in (field, heatmap, plan, matrix, reach, serve, demo, validate):
     app.command()(command)
 app.command("simulate")(simulate_command)
 # Negative coordinates look like options.
