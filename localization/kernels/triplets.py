@@ -209,34 +209,28 @@ def loosening(strongest, sensor):
 
 
 @njit(cache=True, nogil=True)
-def triplet_value(i, j, k, gx, gy, rho, azimuth, survey, sensor):
-    """Value of the landmarks i, j, k; -1 when they give no fix together.
+def three_value(x1, y1, r1, b1, s1, x2, y2, r2, b2, s2, x3, y3, r3, b3, s3, sensor):
+    """Value of three landmarks; -1 when they give no fix together.
 
-    ``gx``, ``gy`` inverted, ``rho`` 1/r, ``azimuth`` relative to the heading, ``survey`` (rad²): (n,); the
-    last is added to the sensor's variance, or is the whole for a fixed camera.
+    Each comes inverted (x, y), with 1/r, azimuth relative to the heading, and what is added to the sensor's
+    variance (rad²), which is the whole for a fixed camera.
     """
-    x1 = gx[i]
-    y1 = gy[i]
-    x2 = gx[j]
-    y2 = gy[j]
-    x3 = gx[k]
-    y3 = gy[k]
     d = (x2 - x1) * (y3 - y1) - (y2 - y1) * (x3 - x1)
-    if is_degenerate(d, rho[i] * rho[i] + rho[j] * rho[j] + rho[k] * rho[k]):
+    if is_degenerate(d, r1 * r1 + r2 * r2 + r3 * r3):
         return -1.0
     mode = sensor[MODE]
     if mode == OMNIDIRECTIONAL:
-        v1 = sensor[ON_AXIS] + survey[i]
-        v2 = sensor[ON_AXIS] + survey[j]
-        v3 = sensor[ON_AXIS] + survey[k]
+        v1 = sensor[ON_AXIS] + s1
+        v2 = sensor[ON_AXIS] + s2
+        v3 = sensor[ON_AXIS] + s3
     elif mode == FIXED:
-        v1 = survey[i]
-        v2 = survey[j]
-        v3 = survey[k]
+        v1 = s1
+        v2 = s2
+        v3 = s3
     elif mode == CENTRED_FREE:
-        c12 = (x1 * x2 + y1 * y2) / (rho[i] * rho[j])
-        c13 = (x1 * x3 + y1 * y3) / (rho[i] * rho[k])
-        c23 = (x2 * x3 + y2 * y3) / (rho[j] * rho[k])
+        c12 = (x1 * x2 + y1 * y2) / (r1 * r2)
+        c13 = (x1 * x3 + y1 * y3) / (r1 * r3)
+        c23 = (x2 * x3 + y2 * y3) / (r2 * r3)
         # The widest pair are the outer two; all three must lie in the half plane around their middle.
         s = 0.5 * (1.0 + min(c12, c13, c23))
         if c12 <= c13 and c12 <= c23:
@@ -252,29 +246,42 @@ def triplet_value(i, j, k, gx, gy, rho, azimuth, survey, sensor):
         m = inner * inner / s
         middle = sensor[ON_AXIS] * m * m
         if c12 <= c13 and c12 <= c23:
-            v1 = outer + survey[i]
-            v2 = outer + survey[j]
-            v3 = middle + survey[k]
+            v1 = outer + s1
+            v2 = outer + s2
+            v3 = middle + s3
         elif c13 <= c23:
-            v1 = outer + survey[i]
-            v2 = middle + survey[j]
-            v3 = outer + survey[k]
+            v1 = outer + s1
+            v2 = middle + s2
+            v3 = outer + s3
         else:
-            v1 = middle + survey[i]
-            v2 = outer + survey[j]
-            v3 = outer + survey[k]
+            v1 = middle + s1
+            v2 = outer + s2
+            v3 = outer + s3
     else:
-        axis = pan_axis(
-            azimuth[i], azimuth[j], azimuth[k], survey[i], survey[j], survey[k], sensor, FIT_TOLERANCE
-        )
+        axis = pan_axis(b1, b2, b3, s1, s2, s3, sensor, FIT_TOLERANCE)
         if math.isnan(axis):
             return -1.0
-        v1 = bearing_variance(azimuth[i] - axis, sensor[ON_AXIS], survey[i])
-        v2 = bearing_variance(azimuth[j] - axis, sensor[ON_AXIS], survey[j])
-        v3 = bearing_variance(azimuth[k] - axis, sensor[ON_AXIS], survey[k])
+        v1 = bearing_variance(b1 - axis, sensor[ON_AXIS], s1)
+        v2 = bearing_variance(b2 - axis, sensor[ON_AXIS], s2)
+        v3 = bearing_variance(b3 - axis, sensor[ON_AXIS], s3)
     if sensor[CRITERION] == AREA and sensor[LEVER] == 0.0:
         return d * d / (v1 * v2 + v3 * (v1 + v2))
     return _criterion_value(x1, y1, x2, y2, x3, y3, v1, v2, v3, sensor)
+
+
+@njit(cache=True, nogil=True)
+def triplet_value(i, j, k, gx, gy, rho, azimuth, survey, sensor):
+    """Value of the landmarks i, j, k; -1 when they give no fix together.
+
+    ``gx``, ``gy`` inverted, ``rho`` 1/r, ``azimuth`` relative to the heading, ``survey`` (rad²): (n,); the
+    last is added to the sensor's variance, or is the whole for a fixed camera.
+    """
+    return three_value(
+        gx[i], gy[i], rho[i], azimuth[i], survey[i],
+        gx[j], gy[j], rho[j], azimuth[j], survey[j],
+        gx[k], gy[k], rho[k], azimuth[k], survey[k],
+        sensor,
+    )  # fmt: skip
 
 
 @njit(cache=True, nogil=True)

@@ -7,15 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from localization.kernels.field import (
-    TOUCH_M,
-    field_tile,
-    inverted,
-    ranked_at,
-    strongest_first,
-    visible_indices,
-)
+from localization.kernels.field import field_tile, ranked_at
 from localization.kernels.fix import triplet_fix
+from localization.kernels.seen import TOUCH_M, inverted, strongest_first, visible_indices
 from localization.kernels.triplets import strong_pairs
 from localization.sensors import LASER, kernel_args
 from tests import oracles
