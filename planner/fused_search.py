@@ -36,6 +36,9 @@ from planner.label_search import LabelPath, Stop, blind_lines, kept_points, long
 
 FusedObjective = Literal["shortest", "weighted", "minimax"]
 
+#: Play that takes alternations of two neighbouring directions of the grid for a straight line, rad.
+OPTIMISTIC_PLAY = math.pi / 8
+
 # A bound of 0 m without a fix: what rounding leaves of it, m.
 _LEAST_BLIND = 1e-6
 _ROUNDING = 1e-9
@@ -113,15 +116,16 @@ class SearchSettings:
     arm
         Lever that turns the heading's uncertainty into metres when uncertainties are compared, m.
     play
-        Changes of direction within this do not count as turns, rad, so that a line between the grid's
-        directions is not taken for many turns; 0: every corner of the grid path is driven.
+        Changes of direction within this do not count as turns, rad. 0: every corner of the grid path is
+        driven, which is more than a line between the grid's directions needs. :data:`OPTIMISTIC_PLAY` takes
+        such lines as straight, and with them turns that the robot does make.
     max_labels
         The search gives up with more.
     """
 
     ratio: float = 0.97
     arm: float = 2.0
-    play: float = math.pi / 8
+    play: float = 0.0
     max_labels: int = 5_000_000
 
 

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from localization import covariance as cov
 from maps.arrays import BoolArray, FloatArray, IntArray, frozen
+from maps.grid import GridFrame
 from planner.cost_to_go import CostToGo, GridGraph, Place
 from planner.errors import InvalidProblem
 from planner.kernels.cost_to_go import one_to_all
@@ -107,21 +108,23 @@ def without_path(*, is_complete: bool) -> LabelPath:
 
 @dataclass(frozen=True, slots=True)
 class Stretches:
-    """Metres without a fix on a straight line: from its begin, up to its end, and at most in one stretch."""
+    """Metres without a fix on a line: from its begin, up to its end, and at most in one stretch."""
 
     first: float
     last: float
     longest: float
 
 
+def line_stretches(frame: GridFrame, has_fix: BoolArray, points: npt.ArrayLike) -> Stretches:
+    """Metres without a fix along a polyline (K, 2), W, m; on a border of two cells both must have one."""
+    blind = np.where(has_fix, 0.0, 1.0)
+    return _stretches(polyline_pieces(frame.to_grid(points), blind), has_fix, frame.resolution)
+
+
 def blind_lines(graph: GridGraph, has_fix: BoolArray, place: Place, cells: IntArray) -> list[Stretches]:
     """Metres without a fix on the straight lines from a place to cells (padded flat indices)."""
     frame = graph.cost_space.frame
-    blind = np.where(has_fix, 0.0, 1.0)
-    return [
-        _stretches(polyline_pieces(frame.to_grid([place, c]), blind), has_fix, frame.resolution)
-        for c in graph.centres(cells)
-    ]
+    return [line_stretches(frame, has_fix, [place, c]) for c in graph.centres(cells)]
 
 
 class _Ends:

@@ -15,7 +15,7 @@ from localization.sensors import OmnidirectionalSensor
 from planner.context import PlanningContext
 from planner.errors import InvalidProblem
 from planner.fused_belief import FilterModel, FusedField
-from planner.fused_search import FusedQuestion, SearchSettings, fused_path
+from planner.fused_search import OPTIMISTIC_PLAY, FusedQuestion, SearchSettings, fused_path
 from planner.label_search import blind_path
 from tests.worlds import place_in_ascii, world_from_ascii
 
@@ -60,7 +60,7 @@ LOST = np.diag([0.12**2, 0.12**2, 0.02**2])
 
 def test_a_path_fetches_a_fix_before_the_door(door):
     straight = door.path(covariance=LOST)
-    safe = door.path(covariance=LOST, max_collision_probability=0.05)
+    safe = door.path(covariance=LOST, max_collision_probability=0.08)
     assert straight.status == safe.status == "found"
     # The plain way passes the door as lost as it began; the safe one goes down to the landmarks first.
     assert straight.longest_blind == pytest.approx(straight.cost)
@@ -75,7 +75,7 @@ def test_a_path_fetches_a_fix_before_the_door(door):
     space = door.graph.cost_space
     room = space.clearance.distance(safe.points) - RADIUS
     largest = np.linalg.eigvalsh(safe.covariance[:, :2, :2]).max(axis=1)
-    assert np.exp(-(room**2) / (2 * largest))[at_door].max() <= 0.05 * (1 + 1e-6)
+    assert np.exp(-(room**2) / (2 * largest))[at_door].max() <= 0.08 * (1 + 1e-6)
     # A path that needs a fix everywhere does not exist.
     plain = door.context.graph(radius=RADIUS, weight=0.0, blind_rate=None)
     assert plain.costs_to(door.goal).path_from(door.start)[1] is None
@@ -83,8 +83,8 @@ def test_a_path_fetches_a_fix_before_the_door(door):
 
 def test_the_real_filter_is_hardly_less_certain_than_the_search_says(door):
     # With every corner of the grid driven, nothing is left out; with play, zigzags of the grid are.
-    for play, factor in ((0.0, 1.02), (SearchSettings().play, 1.25)):
-        for options in ({}, {"max_collision_probability": 0.05}, {"objective": "weighted", "weight": 20.0}):
+    for play, factor in ((0.0, 1.02), (OPTIMISTIC_PLAY, 1.25)):
+        for options in ({}, {"max_collision_probability": 0.08}, {"objective": "weighted", "weight": 20.0}):
             question = FusedQuestion(door.start, door.goal, LOST, **options)
             settings = SearchSettings(play=play)
             path = fused_path(door.graph, door.fused, MODEL, question, settings=settings)
@@ -123,10 +123,10 @@ def test_bounds_on_ellipse_and_blind_distance(door):
     assert unmet.excess == pytest.approx(alone.excess, rel=1e-6)
     assert unmet.longest_blind == pytest.approx(alone.longest_blind, rel=1e-6)
     assert unmet.longest_blind < free.longest_blind + 1e-9
-    kept = door.path(covariance=LOST, max_ellipse95=0.36)
+    kept = door.path(covariance=LOST, max_ellipse95=0.45)
     assert kept.status == "found"
-    assert kept.ellipse95.max() <= 0.36
-    assert door.path(covariance=LOST).ellipse95.max() > 0.36
+    assert kept.ellipse95.max() <= 0.45
+    assert door.path(covariance=LOST).ellipse95.max() > 0.45
     assert door.path(covariance=LOST, max_ellipse95=0.3).status == "bound_unmet"
 
 
@@ -150,8 +150,7 @@ def test_the_start_may_be_a_fix_and_must_be_something(door):
 def test_a_heading_at_the_start_costs_its_turn(door):
     noisy = replace(MODEL, odometry=OdometryModel(turn_sigma=0.3))
     ahead, back = (door.path(noisy, covariance=LOST, heading=h) for h in (0.0, math.pi))
-    assert back.worst_r95 > ahead.worst_r95
-    assert door.path(noisy, covariance=LOST).worst_r95 == pytest.approx(ahead.worst_r95, rel=0.01)
+    assert door.path(noisy, covariance=LOST).worst_r95 < ahead.worst_r95 < back.worst_r95
 
 
 def test_no_way_and_no_time(door):
