@@ -158,12 +158,29 @@ def time_curve(curve: Curve, *, max_speed: float, max_accel: float) -> Trajector
     return Trajectory(t * stretch, points, velocity / stretch, acceleration / stretch**2)
 
 
+def motion_on_curve(curve: Curve, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Places (K, 2), headings, curvature and its change per metre at arc lengths (K,)."""
+    u = _parameter(curve, s)
+    first, second = curve.spline(u, 1), curve.spline(u, 2)
+    speed = np.hypot(first[:, 0], first[:, 1])
+    kappa = (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / speed**3
+    points = curve.spline(u)
+    points[0], points[-1] = curve.points[0], curve.points[-1]
+    which = np.clip(np.searchsorted(curve.s, s, side="right") - 1, 0, len(curve.s) - 2)
+    twist = np.diff(curve.kappa)[which] / np.diff(curve.s)[which]
+    return points, np.arctan2(first[:, 1], first[:, 0]), kappa, twist
+
+
+def _parameter(curve: Curve, s: FloatArray) -> FloatArray:
+    rate = np.hypot(*curve.spline(curve.u, 1).T)
+    return np.asarray(np.clip(CubicHermiteSpline(curve.s, curve.u, 1.0 / rate)(s), 0.0, curve.u[-1]))
+
+
 def _motion(
     curve: Curve, s: FloatArray, v: FloatArray, a: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     # Places, velocities and accelerations at arc lengths s with speeds v and tangential accelerations a.
-    rate = np.hypot(*curve.spline(curve.u, 1).T)
-    u = np.clip(CubicHermiteSpline(curve.s, curve.u, 1.0 / rate)(s), 0.0, curve.u[-1])
+    u = _parameter(curve, s)
     first, second = curve.spline(u, 1), curve.spline(u, 2)
     speed = np.hypot(first[:, 0], first[:, 1])[:, None]
     tangent = first / speed

@@ -52,13 +52,13 @@ def time_polyline(points: npt.ArrayLike, *, max_speed: float, max_accel: float) 
         return at_rest(p[0])
     stops = p[_stop_indices(p)]
     lengths = np.hypot(*np.diff(stops, axis=0).T)
-    total = float(np.sum([_run_time(length, max_speed, max_accel) for length in lengths]))
+    total = float(np.sum([trapezoid_time(length, max_speed, max_accel) for length in lengths]))
     dt = sample_spacing(total)
     pieces = []
     clock = 0.0
     for a, b, length in zip(stops[:-1], stops[1:], lengths, strict=True):
         direction = ((b - a) / length)[None, :]
-        t, s, v, acc = _run(float(length), max_speed, max_accel, dt)
+        t, s, v, acc = trapezoid(float(length), max_speed, max_accel, dt)
         table = np.column_stack(
             [clock + t, a + s[:, None] * direction, v[:, None] * direction, acc[:, None] * direction]
         )
@@ -131,15 +131,16 @@ def _phases(length: float, max_speed: float, max_accel: float) -> tuple[float, f
     return max_speed / max_accel, length / max_speed - max_speed / max_accel
 
 
-def _run_time(length: float, max_speed: float, max_accel: float) -> float:
+def trapezoid_time(length: float, max_speed: float, max_accel: float) -> float:
+    """Least time from rest to rest over a length, s."""
     ramp, cruise = _phases(length, max_speed, max_accel)
     return 2.0 * ramp + cruise
 
 
-def _run(
+def trapezoid(
     length: float, max_speed: float, max_accel: float, dt: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    # Time, way, speed and acceleration of one stretch from stop to stop.
+    """Time, way, speed and acceleration, each (K,), of the fastest motion from rest to rest over a length."""
     ramp, cruise = _phases(length, max_speed, max_accel)
     up = np.linspace(0.0, ramp, math.ceil(ramp / dt) + 1)
     flat = np.linspace(0.0, cruise, math.ceil(cruise / dt) + 1)[:-1]

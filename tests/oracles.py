@@ -1072,3 +1072,32 @@ def hull_of_weights(values, passable, source, target, *, resolution, weights):
     return [
         grid_dijkstra(1 + w * values, passable, source, resolution).get(target, math.inf) for w in weights
     ]
+
+
+def turning_allowed(b0, b1, k0, k1, ds, max_speed, accel, max_turn_rate, alpha):
+    """Whether the step from v² = b0 to b1 over ds keeps all limits at its ends, κ going from k0 to k1."""
+    a, slope = (b1 - b0) / (2 * ds), (k1 - k0) / ds
+    ok = True
+    for b, k in ((b0, k0), (b1, k1)):
+        ok &= b <= max_speed**2 * (1 + 1e-9)
+        ok &= k * k * b <= max_turn_rate**2 * (1 + 1e-9)
+        ok &= a**2 + (k * b) ** 2 <= accel**2 * (1 + 1e-9)
+        ok &= abs(slope * b + k * a) <= alpha * (1 + 1e-9)
+    return bool(ok)
+
+
+def turning_time(kappa, step, max_speed, accel, max_turn_rate, alpha, levels):
+    """Least time from rest to rest over stations by trying levels of v² at each."""
+    limits = (max_speed, accel, max_turn_rate, alpha)
+    grid = [max_speed**2 * (i / levels) ** 2 for i in range(levels + 1)]
+    best = {0: 0.0}
+    for i, ds in enumerate(step):
+        last = i == len(step) - 1
+        after = {}
+        for p, t in best.items():
+            for q in [0] if last else range(levels + 1):
+                speeds = grid[p] ** 0.5 + grid[q] ** 0.5
+                if speeds > 0 and turning_allowed(grid[p], grid[q], *kappa[i], ds, *limits):
+                    after[q] = min(after.get(q, math.inf), t + 2 * ds / speeds)
+        best = after
+    return best[0]
