@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
+import numpy as np
 import shapely
 from shapely import Polygon
 
+from localization.motion import OdometryModel
+from maps.arrays import FloatArray
 from planner.errors import InvalidProblem
 from planner.extras import Extras
 
@@ -45,6 +48,16 @@ class PlanningProblem:
     max_collision_probability
         Of one pose, by the direction-aware bound of :mod:`planner.risk`; None: no bound. Places without a
         fix are judged by ``blind_r95``.
+    max_blind_distance
+        Longest stretch without a fix, m; None: no bound. Blind cells may then be crossed even without
+        ``blind_r95``.
+    covariance
+        Whose uncertainty counts in objective and bounds: ``fix``, one fix at each place; ``fused``, the
+        filter's belief along the path (odometry and fixes).
+    odometry, fix_rate, turn_rate
+        For ``fused``: noise of the motion, fixes per second, and rad/s of turns.
+    start_covariance
+        For ``fused``: xx, xy, yy (m²), xθ, yθ (m rad), θθ (rad²) at the start; None: of one fix there.
     avoid
         Polygons (W, m) that the robot's body must not enter.
     areas
@@ -75,6 +88,12 @@ class PlanningProblem:
     blind_r95: float | None = None
     max_ellipse95: float | None = None
     max_collision_probability: float | None = None
+    max_blind_distance: float | None = None
+    covariance: Literal["fix", "fused"] = "fix"
+    odometry: OdometryModel = field(default_factory=OdometryModel)
+    fix_rate: float = 10.0
+    turn_rate: float = 1.0
+    start_covariance: tuple[float, float, float, float, float, float] | None = None
     avoid: tuple[Polygon, ...] = ()
     areas: tuple[tuple[Polygon, float], ...] = ()
     via: tuple[tuple[float, float], ...] = ()
@@ -101,6 +120,7 @@ class PlanningProblem:
             names = ", ".join(f"'{name}'" for name in OBJECTIVES)
             raise InvalidProblem(f"The objective is '{self.objective}'; use one of {names}.")
         self._check_areas()
+        self._check_belief()
         self._require("max_ellipse95", lo=0.0, hi=1e6, unit="m", exclusive=True)
         p = self.max_collision_probability
         if p is not None and not 0 < p < 1:
@@ -128,6 +148,22 @@ class PlanningProblem:
                 f"The {name} is {value} {unit}; it must be {rule} and at most {hi:g} {unit}."
             )
 
+    def _check_belief(self) -> None:
+        if self.covariance not in {"fix", "fused"}:
+            raise InvalidProblem(f"The covariance is '{self.covariance}'; use 'fix' or 'fused'.")
+        self._require("max_blind_distance", lo=0.0, hi=1e6, unit="m")
+        self._require("fix_rate", lo=0.0, hi=1e4, unit="Hz", exclusive=True)
+        self._require("turn_rate", lo=0.0, hi=100.0, unit="rad/s", exclusive=True)
+        if self.start_covariance is None:
+            return
+        numbers = tuple(float(v) for v in self.start_covariance)
+        if len(numbers) != 6 or not all(math.isfinite(v) for v in numbers):
+            raise InvalidProblem(f"The start_covariance is {numbers}; give six finite numbers.")
+        object.__setattr__(self, "start_covariance", numbers)
+        matrix = self.start_matrix
+        if matrix is not None and np.linalg.eigvalsh(matrix).min() < 0:
+            raise InvalidProblem(f"The start_covariance {numbers} is none: it has a negative axis.")
+
     def _check_areas(self) -> None:
         object.__setattr__(self, "avoid", tuple(self.avoid))
         object.__setattr__(self, "areas", tuple((p, float(f)) for p, f in self.areas))
@@ -144,6 +180,14 @@ class PlanningProblem:
         for k, (_, factor) in enumerate(self.areas):
             if not 0.01 <= factor <= 1000:
                 raise InvalidProblem(f"The factor of area {k + 1} is {factor}; it must be from 0.01 to 1000.")
+
+    @property
+    def start_matrix(self) -> FloatArray | None:
+        """``start_covariance`` as a matrix (3, 3)."""
+        if self.start_covariance is None:
+            return None
+        xx, xy, yy, xt, yt, tt = self.start_covariance
+        return np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])
 
     @property
     def extras(self) -> Extras:

@@ -33,7 +33,7 @@ class Path:
     heading
         Shape (N,): direction of travel, rad in [-π, π).
     covariance
-        Shape (N, 3): xx, xy, yy, m², of one fix (`fix`); NaN where blind.
+        Shape (N, 3): xx, xy, yy, m²; NaN where blind.
     r95
         Shape (N,): m; NaN where blind.
     triplet
@@ -46,6 +46,8 @@ class Path:
     collision_probability, collision_bound
         Shape (N,): probability of touching something by the error of one fix: bound that knows the error's
         direction, and the coarser ``exp(-c² / (2 λ_max))`` (:mod:`planner.risk`); both hold. NaN where blind.
+    kind
+        Whose the covariance is: ``fix``, of one fix; ``fused``, of the filter's belief, which is never blind.
     """
 
     points: FloatArray
@@ -58,6 +60,7 @@ class Path:
     clearance: FloatArray
     collision_probability: FloatArray
     collision_bound: FloatArray
+    kind: str = "fix"
 
     def __post_init__(self) -> None:
         for name in ("points", "s", "heading", "covariance", "r95", "pan", "clearance"):

@@ -1,0 +1,134 @@
+"""Plans by the filter's belief and with bounds on the way without a fix."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from localization.field_builder import build_field
+from localization.motion import OdometryModel
+from localization.sensors import OmnidirectionalSensor
+from planner.belief_plan import plan_by_belief
+from planner.clock import Clock
+from planner.context import PlanningContext
+from planner.errors import InvalidProblem
+from planner.problem import PlanningProblem
+from planner.result import PlanStatus
+from tests.fields import synthetic_field
+from tests.planner.test_plan import RING, G, S
+from tests.worlds import world_from_ascii
+
+# Landmarks in the upper corridor only; below, the robot drives blind.
+HALL = """
+    ##########################
+    #A....B....C....D....E...#
+    #........................#
+    #........................#
+    #F.......................#
+    ######................####
+    #....#................#..#
+    #....##################..#
+    #........................#
+    #........................#
+    ##########################
+"""
+SENSOR = OmnidirectionalSensor(0.004, max_range=8.0)
+
+
+def ask(context, start=S, goal=G, radius=0.3, **values):
+    problem = PlanningProblem(start, goal, radius, deadline=20.0, **values)
+    return plan_by_belief(problem, context, Clock(problem.deadline), baseline=lambda: None)
+
+
+@pytest.fixture(scope="module")
+def ring():
+    """Blind for 3 m below the block, a fix everywhere above it."""
+
+    def sigma(x, y):
+        return np.where((x > 4.0) & (x < 7.0) & (y < 2.0), np.nan, 0.02 + 0 * x)
+
+    return PlanningContext(synthetic_field(world_from_ascii(RING), 0.25, sigma))
+
+
+def test_short_blind_stretches_are_crossed_and_long_ones_not(ring):
+    low = ask(ring, max_blind_distance=3.5, weight=0.0)
+    assert low.status is PlanStatus.EXACT
+    assert low.route.path.points[:, 1].max() < 2.0
+    assert 2.9 <= low.route.summary.blind <= 3.5
+    high = ask(ring, max_blind_distance=2.0, weight=0.0)
+    assert high.status is PlanStatus.EXACT
+    assert high.route.path.points[:, 1].max() > 3.0
+    assert high.route.summary.blind <= 2.0
+    assert "casadi" in high.planner
+
+
+def test_a_stretch_that_cannot_be_shorter_is_said():
+    def sigma(x, y):
+        return np.where((x > 4.0) & (x < 6.0), np.nan, 0.02 + 0 * x)
+
+    context = PlanningContext(synthetic_field(world_from_ascii(RING), 0.25, sigma))
+    result = ask(context, max_blind_distance=1.0)
+    assert result.status is PlanStatus.RISK_UNMET
+    (unmet,) = result.unmet
+    assert unmet.bound == "max_blind_distance_m"
+    assert 1.9 < unmet.smallest_possible < 2.3
+    assert "Place landmarks there" in unmet.message
+    assert ask(context, max_blind_distance=unmet.smallest_possible + 0.05).status is PlanStatus.EXACT
+
+
+@pytest.fixture(scope="module")
+def hall():
+    return PlanningContext(build_field(world_from_ascii(HALL), SENSOR, resolution=0.25))
+
+
+def test_the_filter_tells_the_route(hall):
+    result = ask(hall, (2.0, 4.0), (11.0, 4.0), covariance="fused", weight=4.0)
+    assert result.status is PlanStatus.EXACT
+    path = result.route.path
+    assert path.kind == "fused"
+    assert np.isfinite(path.r95).all()
+    assert result.route.summary.max_r95 >= path.r95.max() - 1e-9
+    # Many fixes know more than one.
+    single = hall.field.r95[tuple(hall.field.frame.cell_at(path.points[len(path.points) // 2]))]
+    assert path.r95[len(path.points) // 2] < single
+    assert result.route.summary.cost >= result.route.summary.length
+    assert (path.collision_probability <= path.collision_bound + 1e-15).all()
+
+
+def test_dead_reckoning_grows_until_the_bound_forbids_it(hall):
+    start, goal = (1.5, 1.0), (10.5, 1.0)
+    odometry = OdometryModel(0.05, 0.05, 0.05)
+    known = (1e-4, 0.0, 1e-4, 0.0, 0.0, 1e-4)
+    loose = ask(hall, start, goal, covariance="fused", start_covariance=known, odometry=odometry, weight=0.0)
+    assert loose.status is PlanStatus.EXACT
+    assert loose.route.path.points[:, 1].max() < 1.6
+    worst = loose.route.summary.max_r95
+    tight = ask(
+        hall, start, goal, covariance="fused", start_covariance=known, odometry=odometry, max_r95=0.6 * worst
+    )
+    assert tight.status is PlanStatus.RISK_UNMET
+    assert tight.unmet[0].bound == "max_r95_m"
+    assert "filter" in tight.unmet[0].message
+
+
+def test_a_start_without_a_fix_needs_a_belief(hall):
+    with pytest.raises(InvalidProblem, match=r"no fix at \(1\.50, 1\.00\)"):
+        ask(hall, (1.5, 1.0), (10.5, 1.0), covariance="fused")
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"covariance": "best"}, "'fused'"),
+        ({"max_blind_distance": -1.0}, "max_blind_distance is -1"),
+        ({"fix_rate": 0.0}, "fix_rate"),
+        ({"turn_rate": math.nan}, "turn_rate"),
+        ({"start_covariance": (1.0, 2.0)}, "six finite"),
+        ({"start_covariance": (1.0, 2.0, 1.0, 0.0, 0.0, 1.0)}, "negative axis"),
+    ],
+)
+def test_impossible_beliefs(values, words):
+    with pytest.raises(InvalidProblem, match=words):
+        PlanningProblem(S, G, 0.3, **values)
