@@ -116,7 +116,7 @@ def pulled(curve: PoseCurve, space: PoseSpace, *, free: tuple[bool, bool] = (Fal
     """The cheapest way over poses of a curve, some left out; pieces of the curve itself may stay."""
     steering = space.steering
     step = max(_SMALLEST_NODE_M, curve.length / _MAX_NODES)
-    pieces = _cut(curve, step)
+    pieces = cut(curve, step)
     poses = np.array([curve.start, *(p.joints()[-1] for p in pieces)])
     if steering.kind == TURNING:
         poses[0, 2] = math.nan if free[0] else poses[0, 2]
@@ -164,8 +164,8 @@ def _chain_args(space: PoseSpace) -> tuple[object, ...]:
     return (s.kind, s.min_turn_radius, s.turn_price, s.gear_price, *space.kernel_args)
 
 
-def _cut(curve: PoseCurve, step: float) -> list[PoseCurve]:
-    # Pieces of single parts, at most so long.
+def cut(curve: PoseCurve, step: float) -> list[PoseCurve]:
+    """Pieces of single parts of a curve, at most ``step`` m long."""
     pieces = []
     pose = curve.start
     for part in curve.parts:

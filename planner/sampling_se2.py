@@ -18,7 +18,7 @@ from maps.arrays import FloatArray
 from planner.example_space import example_space
 from planner.kernels.pose_chain import pose_link_cost
 from planner.kernels.sampling import through_cost
-from planner.pose_shorten import chain, shorten_poses
+from planner.pose_shorten import chain, cut, shorten_poses
 from planner.steering import PoseCurve, PoseSpace, Steering, shortest_curve
 
 _SPACES = {"dubins": ob.DubinsStateSpace, "reeds_shepp": ob.ReedsSheppStateSpace}
@@ -159,7 +159,8 @@ def _grow(
     info.setMotionValidator(_Motions(info, space))
     info.setup()
     question = ob.ProblemDefinition(info)
-    way = np.array(warm.sample(_WARM_M).poses)
+    # Few poses: nearest ones are sought by a distance that for Dubins curves is another one back.
+    way = np.array([warm.start, *(piece.joints()[-1] for piece in cut(warm, _WARM_M))])
     poses: list[Pose] = [(x, y, theta) for x, y, theta in way.tolist()]
     first = states.allocState()
     _set(first, poses[0])
