@@ -262,6 +262,7 @@ class Motion(Answer):
 class Baseline(Answer):
     """A route to compare with: where it runs and what it costs."""
 
+    covariance: str = Field(description="fix: of one fix at each place; fused: of the filter along it.")
     cost: float | None
     length_m: float | None
     duration_s: float | None

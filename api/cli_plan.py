@@ -41,6 +41,14 @@ def plan(
         float | None,
         typer.Option("--max-collision-probability", metavar="P", help="Of every pose, 0 to 1."),
     ] = None,
+    max_blind_distance: Annotated[
+        float | None,
+        typer.Option("--max-blind-distance", metavar="D", help="Longest stretch without a fix, m."),
+    ] = None,
+    covariance: Annotated[
+        str,
+        typer.Option(help="Whose uncertainty counts: fix, or fused (the filter's, odometry and fixes)."),
+    ] = "fix",
     via: Annotated[
         list[str] | None,
         typer.Option(metavar="X,Y", help="Place to pass; may be given several times, in order."),
@@ -96,6 +104,8 @@ def plan(
         max_r95=max_r95,
         max_ellipse95=max_ellipse95,
         max_collision_probability=max_collision_probability,
+        max_blind_distance=max_blind_distance,
+        covariance=covariance,  # type: ignore[arg-type]  # checked by the problem itself
         via=tuple(_place(text) for text in via or ()),
         avoid=tuple(polygon for polygon, _ in read_areas(avoid)),
         areas=tuple((polygon, factor) for polygon, factor in read_areas(areas)),

@@ -97,19 +97,37 @@ def seal(answer: dict[str, Any]) -> dict[str, Any]:
 
 def problem_to_json(problem: PlanningProblem) -> dict[str, Any]:
     """The question in the words of ``POST /v1/plans``, every default filled in."""
+    odometry = problem.odometry
     return {
-        "start": {"x_m": problem.start[0], "y_m": problem.start[1]},
+        "start": {
+            "x_m": problem.start[0],
+            "y_m": problem.start[1],
+            "covariance": None if problem.start_covariance is None else list(problem.start_covariance),
+        },
         "goal": {"x_m": problem.goal[0], "y_m": problem.goal[1]},
         "robot": {
             "radius_m": problem.radius,
             "max_speed_m_s": problem.max_speed,
             "max_accel_m_s2": problem.max_accel,
+            "max_turn_rate_rad_s": problem.turn_rate,
+            "fix_rate_hz": problem.fix_rate,
+            "odometry": {
+                "distance_sigma_m": odometry.distance_sigma,
+                "turn_sigma_rad": odometry.turn_sigma,
+                "drift_sigma_rad": odometry.drift_sigma,
+                "slip_sigma_m": odometry.slip_sigma,
+            },
         },
-        "objective": {"kind": problem.objective, "uncertainty_weight_per_m": problem.weight},
+        "objective": {
+            "kind": problem.objective,
+            "uncertainty_weight_per_m": problem.weight,
+            "covariance": problem.covariance,
+        },
         "constraints": {
             "max_r95_m": problem.max_r95,
             "max_ellipse95_m": problem.max_ellipse95,
             "max_collision_probability": problem.max_collision_probability,
+            "max_blind_distance_m": problem.max_blind_distance,
             "blind_r95_m": problem.blind_r95,
         },
         "via": [{"x_m": x, "y_m": y} for x, y in problem.via],
@@ -143,7 +161,12 @@ def triplet_names(triplet: Sequence[int] | IntArray, names: Sequence[str]) -> li
 def route_to_json(route: Route, names: Sequence[str], *, with_trajectory: bool = True) -> dict[str, Any]:
     """Figures, waypoints and motion of one route; places in nanometres, times in nanoseconds."""
     motion = {"trajectory": _trajectory(route.trajectory)} if with_trajectory else {}
-    return {**_figures(route.summary), "path": _path(route.path, route.trajectory, names), **motion}
+    return {
+        "covariance": route.path.kind,
+        **_figures(route.summary),
+        "path": _path(route.path, route.trajectory, names),
+        **motion,
+    }
 
 
 def _rounded(values: npt.ArrayLike, digits: int = 9) -> FloatArray:

@@ -11,6 +11,7 @@ from shapely import Polygon
 from api.schemas_base import Finite, NotNegative, Positive, Request
 from api.schemas_sensor import SensorOrPreset, to_sensor
 from localization.method import FieldMethod
+from localization.motion import OdometryModel
 from localization.sensors import Sensor
 from planner.problem import (
     MAX_AREAS,
@@ -79,12 +80,48 @@ class PlaceIn(Request):
     y_m: Finite = Field(examples=[4.0])
 
 
+class StartIn(PlaceIn):
+    """Where the robot is, and for ``fused`` how well it knows that."""
+
+    covariance: Annotated[list[Finite], Field(min_length=6, max_length=6)] | None = Field(
+        default=None,
+        description="For fused: xx, xy, yy (m²), xθ, yθ (m rad), θθ (rad²); null: that of one fix there.",
+    )
+
+    def as_tuple(self) -> tuple[float, float, float, float, float, float] | None:
+        """The covariance's six numbers."""
+        if self.covariance is None:
+            return None
+        xx, xy, yy, xt, yt, tt = self.covariance
+        return xx, xy, yy, xt, yt, tt
+
+
+class OdometryIn(Request):
+    """Noise of the robot's motion: standard deviations after 1 m, or after a turn of 1 rad."""
+
+    distance_sigma_m: NotNegative = Field(default=0.02, description="Of the distance after 1 m, m.")
+    turn_sigma_rad: NotNegative = Field(default=0.03, description="Of the turn after 1 rad, rad.")
+    drift_sigma_rad: NotNegative = Field(default=0.01, description="Of the heading after 1 m, rad.")
+    slip_sigma_m: NotNegative = Field(default=0.0, description="Of the sideways slip after 1 m, m.")
+
+    def to_model(self) -> OdometryModel:
+        """The model."""
+        return OdometryModel(
+            self.distance_sigma_m, self.turn_sigma_rad, self.drift_sigma_rad, self.slip_sigma_m
+        )
+
+
 class RobotIn(Request):
     """A disc that can drive in every direction."""
 
     radius_m: NotNegative = Field(description="Radius of the disc, m.", examples=[0.35])
     max_speed_m_s: Finite = Field(default=1.2, ge=0.001, le=50, description="Largest speed, m/s.")
     max_accel_m_s2: Finite = Field(default=0.8, ge=0.001, le=50, description="Largest acceleration, m/s².")
+    max_turn_rate_rad_s: Finite = Field(
+        default=1.0, ge=0.001, le=100, description="Of turns on the spot, rad/s; for fused."
+    )
+    fix_rate_hz: Finite = Field(default=10.0, ge=0.001, le=1e4, description="Fixes per second; for fused.")
+    odometry: OdometryIn = OdometryIn()
 
 
 class ObjectiveIn(Request):
@@ -98,6 +135,11 @@ class ObjectiveIn(Request):
     uncertainty_weight_per_m: NotNegative = Field(
         default=4.0,
         description="Extra metres accepted per metre driven at r95 = 1 m; for weighted only.",
+    )
+    covariance: Literal["fix", "fused"] = Field(
+        default="fix",
+        description="Whose uncertainty counts, in bounds too: fix: of one fix at each place. "
+        "fused: of the filter (odometry and fixes) along the path.",
     )
 
 
@@ -115,6 +157,9 @@ class ConstraintsIn(Request):
         description="Of every pose, from covariance and clearance, by a bound that knows the direction of "
         "the error; null: no bound.",
         examples=[0.001],
+    )
+    max_blind_distance_m: NotNegative | None = Field(
+        default=None, description="Longest stretch without a fix, m; null: no bound."
     )
     blind_r95_m: NotNegative | None = Field(
         default=None,
@@ -180,7 +225,7 @@ class PlanIn(Request):
 
     field: FieldId | None = None
     map: MapId | None = None
-    start: PlaceIn
+    start: StartIn
     goal: PlaceIn
     robot: RobotIn
     objective: ObjectiveIn = ObjectiveIn()
@@ -236,6 +281,12 @@ class PlanIn(Request):
             max_r95=self.constraints.max_r95_m,
             max_ellipse95=self.constraints.max_ellipse95_m,
             max_collision_probability=self.constraints.max_collision_probability,
+            max_blind_distance=self.constraints.max_blind_distance_m,
+            covariance=self.objective.covariance,
+            odometry=self.robot.odometry.to_model(),
+            fix_rate=self.robot.fix_rate_hz,
+            turn_rate=self.robot.max_turn_rate_rad_s,
+            start_covariance=self.start.as_tuple(),
             via=tuple((place.x_m, place.y_m) for place in self.via),
             avoid=tuple(area.to_polygon() for area in self.avoid),
             areas=tuple((area.polygon.to_polygon(), area.factor) for area in self.areas),
