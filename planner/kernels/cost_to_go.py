@@ -193,8 +193,9 @@ def smallest_worst(values, width, seeds, seed_values, worst):
 
     ``values`` (n,) is what each cell adds, inf where blocked; a seed starts with its own value (S,).
     """
+    # Cells not above the level that is flooded wait on a stack, the others, each once, in a heap.
     worst[:] = math.inf
-    done = np.zeros(values.shape[0], np.bool_)
+    seen = np.zeros(values.shape[0], np.bool_)
     steps = (1, -1, width, -width, width + 1, width - 1, -width + 1, -width - 1)
     heap = [(0.0, np.int64(0))]
     heapq.heappop(heap)
@@ -204,16 +205,32 @@ def smallest_worst(values, width, seeds, seed_values, worst):
         if value < worst[at]:
             worst[at] = value
             heapq.heappush(heap, (value, np.int64(at)))
+    stack = np.empty(1024, np.int64)
     while len(heap) > 0:
-        value, u = heapq.heappop(heap)
-        if done[u]:
+        level, u = heapq.heappop(heap)
+        if seen[u] and worst[u] < level:
             continue
-        done[u] = True
-        for k in range(8):
-            v = u + steps[k]
-            if done[v]:
-                continue
-            new = max(value, values[v])
-            if new < worst[v]:
-                worst[v] = new
-                heapq.heappush(heap, (new, np.int64(v)))
+        seen[u] = True
+        worst[u] = level
+        stack[0] = u
+        waiting = 1
+        while waiting > 0:
+            waiting -= 1
+            u = stack[waiting]
+            for k in range(8):
+                v = u + steps[k]
+                if seen[v] or values[v] == math.inf:
+                    continue
+                if values[v] > level:
+                    seen[v] = True
+                    worst[v] = values[v]
+                    heapq.heappush(heap, (values[v], np.int64(v)))
+                    continue
+                seen[v] = True
+                worst[v] = level
+                if waiting == stack.shape[0]:
+                    longer = np.empty(2 * waiting, np.int64)
+                    longer[:waiting] = stack
+                    stack = longer
+                stack[waiting] = v
+                waiting += 1
