@@ -33,7 +33,12 @@ VIEW_MARGIN = math.radians(2.0)
 
 
 def drive_diagonal(
-    room: World, *, runs: int = 1000, rng: np.random.Generator, threads: int | None = None
+    room: World,
+    *,
+    runs: int = 1000,
+    rng: np.random.Generator,
+    view_margin: float = VIEW_MARGIN,
+    threads: int | None = None,
 ) -> dict[Policy, SimulationReport]:
     """Runs along the diagonal of the room for each of :data:`WAYS_TO_LOOK`, all with the same noise.
 
@@ -45,6 +50,8 @@ def drive_diagonal(
         Per way to look.
     rng
         Source of the noise.
+    view_margin
+        How far triplets keep from the edges of the view, rad.
     threads
         Default: one per core.
     """
@@ -57,7 +64,7 @@ def drive_diagonal(
             odometry=ODOMETRY,
             fix_rate=FIX_RATE,
             policy=policy,
-            view_margin=VIEW_MARGIN,
+            view_margin=view_margin,
             start_covariance=np.diag(START_SIGMAS) ** 2,
         )
         out[policy] = simulate(
