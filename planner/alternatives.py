@@ -15,7 +15,8 @@ from planner.any_angle import shorten
 from planner.clock import Clock
 from planner.context import PlanningContext
 from planner.cost_space import CostSpace
-from planner.cost_to_go import GridGraph
+from planner.cost_to_go import REACH_CELLS, GridGraph
+from planner.crop import cells_of, cropped, window_around
 from planner.errors import InvalidProblem
 from planner.grid_search import Way
 from planner.kernels.any_angle import relax, subdivide
@@ -143,8 +144,8 @@ class _Search:
         self.way, self.context, self.clock = way, context, clock
         self.factor, self.max_share = max_cost_factor, max_share
         self.width = max(2.0 * problem.radius, context.field.frame.resolution)
+        self.room = max(_ROOM_M, 4.0 * problem.radius)
         self.routes: list[Route] = []
-        self.tries = 0
 
     def run(self, best: Route, count: int) -> list[str]:
         """Fill ``routes``; returns warnings."""
@@ -157,7 +158,11 @@ class _Search:
         on_grid = ends[1].path_from(self.problem.start)[0]
         self.limit = self.factor * min(on_grid, space.line_cost(self.way.points))
         through = ends[0].cost + ends[1].cost
-        self.usable = space.passable & (through <= self.limit * (1 + 1e-9))
+        self.best_cost = space.line_cost(best.trajectory.points)
+        usable = space.passable & (through <= self.limit * (1 + 1e-9))
+        window = window_around(usable, cells_of(self.room, space) + REACH_CELLS)
+        self.usable = usable[window]
+        self.way = replace(self.way, graph=GridGraph.from_cost_space(cropped(space, window)))
         warnings: list[str] = []
         while len(self.routes) < count:
             route = self._next(warnings)
@@ -176,7 +181,7 @@ class _Search:
         """Another route that costs and shares little enough."""
         space = self.way.graph.cost_space
         used = _near(space, [r.trajectory.points for r in self.routes], self.width)
-        limit = self.factor * self.cost_of(self.routes[0])
+        limit = self.factor * self.best_cost
         for points, fenced in self._candidates(space, used):
             name = f"alternative {len(self.routes) + 1}"
             way = self._beside(points, fenced)
@@ -230,7 +235,7 @@ class _Search:
 
     def _beside(self, points: FloatArray, fenced: CostSpace) -> Way:
         """A way whose grid searches stay near it."""
-        near = _near(fenced, [points], max(_ROOM_M, 4.0 * self.problem.radius))
+        near = _near(fenced, [points], self.room)
         graph = GridGraph.from_cost_space(replace(fenced, passable=fenced.passable & near))
         return replace(self.way, graph=graph, points=points, grid_cost=fenced.line_cost(points))
 

@@ -23,6 +23,9 @@ Against = Literal["worst", "mean"]
 MAX_POINTS = 50
 # The grid is asked for more points than are finished: some are dominated afterwards.
 _SPARE = 2
+# Routes that differ by no more than these shares are one point of a front.
+_SAME_LENGTH = 2e-3
+_SAME_R95 = 1e-2
 # Part of the deadline for the grid.
 _GRID_SHARE = 0.5
 
@@ -94,7 +97,8 @@ def pareto_front(
     smallest that is possible and the worst r95 of the shortest path, always in the widest gap that is left;
     against ``mean`` the cheapest path under the weights at which the costs of neighbours on the front are
     equal (so only points of the convex hull of length and ``∫ r95 ds`` are found). Then up to ``count``
-    paths, as far apart as possible, are shortened and smoothed, and what is dominated is left out.
+    paths, as far apart as possible, are shortened and smoothed, and what is dominated, or differs by less
+    than 0.2 % in length and 1 % in r95 from another, is left out.
 
     Parameters
     ----------
@@ -140,7 +144,7 @@ def pareto_front(
         wanted = _SPARE * count
         front.against_worst(wanted) if against == "worst" else front.against_mean(wanted)
         stopped = bool(stop[0])
-    work = _Finishing(plain, context, clock, front, against)
+    work = _Finishing(plain, context, clock, front, way, against)
     work.run(count)
     if stopped and len(front.points) < wanted:
         work.warnings.append("The deadline came before all gaps of the front were searched.")
@@ -161,10 +165,11 @@ class _Finishing:
         context: PlanningContext,
         clock: Clock,
         grid: GridFront,
+        way: Way,
         against: Against,
     ) -> None:
         self.problem, self.context, self.clock = problem, context, clock
-        self.grid, self.against = grid, against
+        self.grid, self.way, self.against = grid, way, against
         self.done: list[ParetoPoint] = []
         self.warnings: list[str] = []
         self.is_late = False
@@ -191,9 +196,15 @@ class _Finishing:
             self.done.append(self._finished(points[k], values[k], left))
 
     def front(self) -> tuple[ParetoPoint, ...]:
-        """Those done that are not dominated."""
-        kept = not_dominated([(p.length, p.r95) for p in self.done])
-        return tuple(self.done[k] for k in kept)
+        """Those done that are not dominated, and of those that are all but the same one."""
+        kept = [self.done[k] for k in not_dominated([(p.length, p.r95) for p in self.done])]
+        out: list[ParetoPoint] = []
+        for point in kept:
+            if not out or not _all_but_same(out[-1], point):
+                out.append(point)
+            elif point is kept[-1] and len(out) > 1:
+                out[-1] = point
+        return tuple(out)
 
     def _finished(self, point: GridPoint, value: float, left: int) -> ParetoPoint:
         setting = point.setting
@@ -233,6 +244,12 @@ class _Finishing:
             return figures.mean_r95 if figures.mean_r95 is not None else blind
         seen = figures.length - figures.blind
         return (figures.mean_r95 * seen + blind * figures.blind) / figures.length
+
+
+def _all_but_same(a: ParetoPoint, b: ParetoPoint) -> bool:
+    """Whether nobody would choose between two points."""
+    lengths = abs(a.length - b.length) <= _SAME_LENGTH * b.length
+    return lengths and abs(a.r95 - b.r95) <= _SAME_R95 * max(a.r95, b.r95)
 
 
 def _best_effort(

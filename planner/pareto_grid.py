@@ -14,8 +14,8 @@ import numpy.typing as npt
 from maps.arrays import FloatArray, frozen
 from planner.context import PlanningContext
 from planner.cost_space import CostSpace
-from planner.cost_to_go import CostToGo, GridGraph, smallest_bound
-from planner.grid_search import Way
+from planner.cost_to_go import REACH_CELLS, CostToGo, GridGraph, smallest_bound
+from planner.crop import cells_of, cropped, window_around
 from planner.kernels.matrix import way_figures
 from planner.kernels.pareto import least_worst_of_cheapest
 from planner.problem import PlanningProblem
@@ -24,7 +24,8 @@ from planner.problem import PlanningProblem
 _EQUAL = 1e-9
 # Weight that stands for r95 alone, 1/m.
 _MOST_WEIGHT = 1e4
-_NONE = frozen(np.empty(0), np.int64)
+# Room around what paths pass, m, for smoothing.
+_MARGIN_M = 2.0
 
 
 @dataclass(slots=True, eq=False)
@@ -83,6 +84,7 @@ class GridFront:
         )
         self.points: list[GridPoint] = []
         self.is_weighted = False
+        self._last_search: CostToGo | None = None
 
     def against_worst(self, count: int) -> None:
         """Fill ``points``, shortest first, with up to ``count`` lengths against worst r95.
@@ -94,6 +96,7 @@ class GridFront:
         first = self._shortest(math.inf)
         if first is None:
             return
+        to_go = self._last_search
         self.points = [first]
         least = smallest_bound(self.base, self.values, problem.start, problem.goal)
         last = self._shortest(least) if least < first.worst else None
@@ -101,31 +104,34 @@ class GridFront:
             self.points = [first if last is None else last]
             return
         self.points = [last, first]
+        self._crop(last.length, to_go)
         levels = np.unique(self.values[self.base.cost_space.passable])
         scale = (last.length - first.length, max(first.worst - last.worst, 1e-300))
-        gaps: list[tuple[float, int, GridPoint, GridPoint]] = []
+        gaps: list[tuple[float, int, GridPoint, GridPoint, bool]] = []
         order = count_up()
 
-        def add(surer: GridPoint, shorter: GridPoint) -> None:
+        def add(surer: GridPoint, shorter: GridPoint, *, is_steep: bool = False) -> None:
             wide = (surer.length - shorter.length) / scale[0]
             high = (shorter.worst - surer.known_to) / scale[1]
-            heapq.heappush(gaps, (-wide * high, next(order), surer, shorter))
+            heapq.heappush(gaps, (-wide * high, next(order), surer, shorter, is_steep))
 
         add(last, first)
         while gaps and len(self.points) < count and self.stop[0] == 0:
-            _, _, surer, shorter = heapq.heappop(gaps)
+            _, _, surer, shorter, is_steep = heapq.heappop(gaps)
             bound = _middle(levels, surer.known_to, shorter.worst)
-            if bound is None:
-                continue
-            found = self._shortest(bound)
-            if found is None:
-                continue
-            if found.length >= surer.length * (1 - _EQUAL):
+            found = None if bound is None else self._shortest(bound)
+            if bound is not None and found is not None and _is_as_long(found, surer):
                 surer.known_to = bound
-                add(surer, shorter)
+                # Nothing in the middle: perhaps nothing at all. Once, the highest level says so.
+                bound = None if is_steep else _middle(levels, surer.known_to, shorter.worst, at_top=True)
+                if is_steep:
+                    add(surer, shorter, is_steep=True)
+                found = None if bound is None else self._shortest(bound)
+                is_steep = True
+            if found is None or _is_as_long(found, surer):
                 continue
             self.points.append(found)
-            add(surer, found)
+            add(surer, found, is_steep=is_steep)
             add(found, shorter)
         self.points.sort(key=lambda p: p.length)
 
@@ -136,7 +142,9 @@ class GridFront:
         cost the same.
         """
         self.is_weighted = True
-        ends = [self._weighted(0.0), self._weighted(_MOST_WEIGHT)]
+        ends = [self._weighted(0.0)]
+        to_go = self._last_search
+        ends.append(self._weighted(_MOST_WEIGHT))
         self.points = [p for p in ends if p is not None]
         if len(self.points) < 2 or _same(*self.points):
             self.points = self.points[:1]
@@ -146,6 +154,7 @@ class GridFront:
         if min(scale) <= 0:
             self.points = [min(self.points, key=lambda p: (p.length, p.integral))]
             return
+        self._crop(b.length, to_go)
         order = count_up()
         gaps = [(-1.0, next(order), a, b)]
         while gaps and len(self.points) < count and self.stop[0] == 0:
@@ -163,13 +172,23 @@ class GridFront:
                     heapq.heappush(gaps, (-area, next(order), p, q))
         self.points.sort(key=lambda p: p.length)
 
-    def way(self, point: GridPoint) -> Way:
-        """The path of a point in the space in which it is optimal; for finishing without sampling."""
+    def graph(self, point: GridPoint) -> GridGraph:
+        """The planning grid on which the path of a point is optimal."""
         space = self._weighted_space(point.setting) if self.is_weighted else self._space_under(point.setting)
-        graph = GridGraph.from_cost_space(space)
-        nothing = np.full(graph.half.shape, np.inf)
-        to_go = CostToGo(graph, self.problem.goal, _NONE, np.empty(0), nothing, math.inf, True)
-        return Way(graph, to_go, point.points, point.grid_cost)
+        return GridGraph.from_cost_space(space)
+
+    def _crop(self, length: float, to_go: CostToGo | None) -> None:
+        """Forget what no path up to a length passes; ``to_go`` holds lengths to the goal."""
+        so_far = self.base.costs_to(self.problem.start, limit=length * (1 + _EQUAL), stop=self.stop)
+        if to_go is None or not so_far.is_complete:
+            return
+        space = self.base.cost_space
+        through = so_far.cost + to_go.cost <= length * (1 + _EQUAL)
+        if not through.any():
+            return
+        window = window_around(through, cells_of(_MARGIN_M, space) + REACH_CELLS)
+        self.base = GridGraph.from_cost_space(cropped(space, window))
+        self.values = frozen(self.values[window])
 
     def _shortest(self, bound: float) -> GridPoint | None:
         """Shortest path under a bound, of those as short the one whose worst r95 is smallest."""
@@ -187,6 +206,7 @@ class GridFront:
                 graph.half, graph.width, to_go.padded, padded.ravel(), at, to_go.seeds, to_go.seed_costs
             )
             again = self._search(self._space_under(least), least) if least < point.worst else None
+            self._last_search = to_go
             if again is not None and again[0].length <= point.length * (1 + _EQUAL):
                 point = again[0]
         point.known_to = bound if math.isfinite(bound) else point.worst
@@ -213,6 +233,7 @@ class GridFront:
         problem = self.problem
         graph = GridGraph.from_cost_space(space)
         to_go = graph.costs_to(problem.goal, stop=self.stop)
+        self._last_search = to_go
         if not to_go.is_complete:
             return None
         cost, points = to_go.path_from(problem.start)
@@ -270,14 +291,18 @@ def not_dominated(pairs: list[tuple[float, float]]) -> list[int]:
     return out
 
 
-def _middle(levels: FloatArray, low: float, high: float) -> float | None:
-    """A level between two, near their middle; None where there is none."""
+def _is_as_long(found: GridPoint, surer: GridPoint) -> bool:
+    return found.length >= surer.length * (1 - _EQUAL)
+
+
+def _middle(levels: FloatArray, low: float, high: float, *, at_top: bool = False) -> float | None:
+    """A level between two, near their middle or the highest; None where there is none."""
     i = int(np.searchsorted(levels, low, side="right"))
     j = int(np.searchsorted(levels, high, side="left"))
     if i >= j:
         return None
     k = int(np.clip(np.searchsorted(levels, 0.5 * (low + high), side="right") - 1, i, j - 1))
-    return float(levels[k])
+    return float(levels[j - 1 if at_top else k])
 
 
 def _same(a: GridPoint, b: GridPoint) -> bool:

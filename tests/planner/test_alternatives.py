@@ -141,3 +141,12 @@ def test_no_way_and_no_distance():
 def test_impossible_questions(options, words):
     with pytest.raises(InvalidProblem, match=words):
         find_alternatives(PlanningProblem(S, G, 0.3), ring(), **options)
+
+
+def test_when_the_time_is_over():
+    context = ring(resolution=0.05)
+    found = find_alternatives(
+        PlanningProblem(S, G, 0.3, deadline=0.06), context, count=5, max_cost_factor=3.0
+    )
+    assert found.best.stats["total_s"] < 2.0
+    assert len(found.routes) == len(found.shares) <= 5

@@ -54,9 +54,8 @@ def test_some_points_are_some_of_all(rng, monkeypatch):
     assert len(front.points) == 5
     for point in front.points:
         assert any(np.allclose((point.length, point.worst), t) for t in theirs)
-        assert front.way(point).graph.costs_to(front.problem.goal).path_from(front.problem.start)[
-            0
-        ] == pytest.approx(point.length)
+        found = front.graph(point).costs_to(front.problem.goal).path_from(front.problem.start)
+        assert found[0] == pytest.approx(point.length)
 
 
 def test_weighted_points_are_optimal_for_every_weight_once_all_are_found(rng, monkeypatch):
