@@ -162,3 +162,23 @@ def make_folder(path: Path) -> None:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise MapFormatError(f"Could not make the folder '{path}': {error.strerror or error}.") from error
+
+
+def read_triplet(world: World, text: str) -> tuple[int, int, int]:
+    """Indices of three landmarks named ``A,B,C``.
+
+    Raises
+    ------
+    LocalizationError
+        If they are not three different ids of the map.
+    """
+    names = [name.strip() for name in text.split(",")]
+    known = world.landmarks.ids
+    if len(names) != 3 or len(set(names)) != 3:
+        raise LocalizationError(f"Triplet is '{text}'; give the ids of three different landmarks: A,B,C.")
+    for name in names:
+        if name not in known:
+            some = ", ".join(known[:8]) + (", …" if len(known) > 8 else "")
+            raise LocalizationError(f"There is no landmark '{name}' in '{world.name}'; it has {some}.")
+    i, j, k = (known.index(name) for name in names)
+    return i, j, k

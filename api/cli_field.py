@@ -146,10 +146,9 @@ def heatmap(
         str | None,
         typer.Option(
             metavar="best|worst|mean|DEG",
-            help="Of a field over headings. worst: what the robot can count on whichever way it looks; a "
-            "heading without a fix is the worst, hatched (the default, and what plans use). best: what it "
-            "can have by turning on the spot. mean: of the metric, over the headings with a fix. DEG: the "
-            "nearest heading.",
+            help="Of a field over headings. best: what the robot can have by turning on the spot (default). "
+            "worst: what it can count on whichever way it looks; a heading without a fix is the worst, "
+            "hatched. mean: of the metric, over the headings with a fix. DEG: the nearest heading.",
             show_default=False,
         ),
     ] = None,
@@ -161,7 +160,7 @@ def heatmap(
     loaded = read_field(field_path)
     view = view_of(loaded, heading, metric)
     if isinstance(loaded, HeadingField) and heading is None:
-        print_note(f"the worst of {len(loaded)} headings is shown; see --heading.{_lost(loaded)}")
+        print_note(f"the best of {len(loaded)} headings is shown; see --heading.{_lost(loaded)}")
     png = heatmap_png(
         view,
         metric=metric,
@@ -179,10 +178,10 @@ def heatmap(
 
 
 def _lost(loaded: HeadingField) -> str:
-    """What the worst heading hides, if it hides much."""
+    """How much of what the best heading shows is missing at others."""
     share = loaded.share_with_fix()[loaded.free]
     some = int(np.count_nonzero((share > 0) & (share < 1)))
     if not some:
         return ""
     percent = 100 * some / len(share)
-    return f" {percent:.0f} % of the free cells are hatched though they have a fix at other headings."
+    return f" {percent:.0f} % of the free cells have a fix at some headings only."

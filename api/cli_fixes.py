@@ -22,12 +22,15 @@ from api.cli_common import (
     World_,
     check_on_map,
     read_sensor,
+    read_triplet,
     read_world,
     write_file,
 )
 from api.console import err, out
 from localization.covariance import area95, ellipse95
 from localization.errors import LocalizationError
+from localization.kernels.coverage import is_valid
+from localization.ranking import one_triplet
 from localization.simulation import FixCloud, simulate_fixes
 from localization.triangulation import FixStatus
 from maps.world import World
@@ -64,7 +67,7 @@ def fixes(
     )
     loaded.require_triangulation()
     _check_place(loaded, x, y)
-    three = None if triplet is None else _triplet(loaded, triplet)
+    three = None if triplet is None else read_triplet(loaded, triplet)
     with err.status("measuring …"):
         cloud = simulate_fixes(
             loaded,
@@ -75,19 +78,23 @@ def fixes(
             n=n,
             rng=np.random.default_rng(seed),
         )
+    choice = one_triplet(loaded, chosen, (x, y), cloud.triplet, heading=math.radians(heading_deg))
+    predicted = math.nan if choice is None else choice.validity
     if output is not None:
         from api.fix_picture import fix_png  # noqa: PLC0415
 
         write_file(output, fix_png(loaded, cloud))
     if as_json:
-        sys.stdout.write(json.dumps(fixes_to_json(loaded, cloud, seed), indent=1, allow_nan=False) + "\n")
+        sys.stdout.write(
+            json.dumps(fixes_to_json(loaded, cloud, seed, predicted), indent=1, allow_nan=False) + "\n"
+        )
         return
-    out.print(fixes_table(loaded, cloud))
+    out.print(fixes_table(loaded, cloud, predicted))
     if output is not None:
         out.print(f"written: {output}", highlight=False)
 
 
-def fixes_to_json(world: World, cloud: FixCloud, seed: int) -> dict[str, Any]:
+def fixes_to_json(world: World, cloud: FixCloud, seed: int, predicted: float) -> dict[str, Any]:
     """A cloud of fixes in figures; null where a number is not defined."""
     bias = _numbers(cloud.bias)
     return {
@@ -99,13 +106,14 @@ def fixes_to_json(world: World, cloud: FixCloud, seed: int) -> dict[str, Any]:
         "seed": seed,
         "failures": _failures(cloud),
         "share_inside": cloud.share_inside,
+        "predicted_share": None if math.isnan(predicted) else predicted,
         "predicted": _spread(cloud.predicted),
         "sample": _spread(cloud.sample_covariance),
         "bias": dict(zip(("x_m", "y_m", "heading_rad"), bias, strict=True)),
     }
 
 
-def fixes_table(world: World, cloud: FixCloud) -> Table:
+def fixes_table(world: World, cloud: FixCloud, predicted: float) -> Table:
     """The same figures for people."""
     table = Table(show_header=False, box=None)
     x, y, heading = (float(v) for v in cloud.pose)
@@ -117,7 +125,8 @@ def fixes_table(world: World, cloud: FixCloud) -> Table:
     table.add_row(
         "measurements", f"{len(cloud.fixes)}, {cloud.failures} without a fix" + _in_brackets(failed)
     )
-    table.add_row("inside 95 % ellipse", f"{100 * cloud.share_inside:.1f} %")
+    share = f"{100 * cloud.share_inside:.1f} %, predicted {100 * predicted:.1f} %"
+    table.add_row("inside 95 % ellipse", share + ("" if is_valid(predicted) else " (not valid)"))
     for name, covariance in (("predicted", cloud.predicted), ("sample", cloud.sample_covariance)):
         table.add_row(name, _words(covariance))
     if cloud.failures < len(cloud.fixes):
@@ -134,19 +143,6 @@ def _check_place(world: World, x: float, y: float) -> None:
     check_on_map(world, x, y)
     if not world.floor.free_at((x, y)):
         raise LocalizationError(f"Place ({x:g}, {y:g}) m is not free; choose one where a robot can stand.")
-
-
-def _triplet(world: World, text: str) -> tuple[int, int, int]:
-    names = [name.strip() for name in text.split(",")]
-    known = world.landmarks.ids
-    if len(names) != 3 or len(set(names)) != 3:
-        raise LocalizationError(f"Triplet is '{text}'; give the ids of three different landmarks: A,B,C.")
-    for name in names:
-        if name not in known:
-            some = ", ".join(known[:8]) + (", …" if len(known) > 8 else "")
-            raise LocalizationError(f"There is no landmark '{name}' in '{world.name}'; it has {some}.")
-    i, j, k = (known.index(name) for name in names)
-    return i, j, k
 
 
 def _failures(cloud: FixCloud) -> dict[str, int]:

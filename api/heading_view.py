@@ -46,7 +46,7 @@ def view_of(field: UncertaintyField | HeadingField, heading: str | None, metric:
     field
         At one heading, or over headings.
     heading
-        ``best``, ``worst`` (the default, None), ``mean``, or an angle in degrees: the nearest of the field's.
+        ``best`` (the default, None), ``worst``, ``mean``, or an angle in degrees: the nearest of the field's.
     metric
         Name of the metric; matters to ``mean``.
 
@@ -61,7 +61,7 @@ def view_of(field: UncertaintyField | HeadingField, heading: str | None, metric:
                 "The field holds for one heading; make one over headings with 'surepath field --headings N'."
             )
         return field
-    which = "worst" if heading is None else heading
+    which = "best" if heading is None else heading
     if which == "mean":
         return _mean(field, metric)
     if which in {"best", "worst"}:

@@ -187,6 +187,28 @@ def triplet_status(
     return _OUTCOMES[int(outcome(0, 1, 2, *arrays, kernel_args(sensor, turned)))]
 
 
+def one_triplet(
+    world: World,
+    sensor: Sensor,
+    point: npt.ArrayLike,
+    triplet: tuple[int, int, int],
+    *,
+    heading: float = 0.0,
+) -> TripletChoice | None:
+    """What one triplet gives at a place as if nothing hid its landmarks; None where it gives no fix.
+
+    Raises
+    ------
+    LocalizationError
+        As of :func:`triplet_status`.
+    """
+    triplet_status(world, sensor, point, triplet, heading=heading)  # refuses what makes no sense
+    place = np.asarray(point, dtype=np.float64)
+    indices = np.array(sorted(triplet), dtype=np.int64)
+    found = ranked_of(world, sensor, place, heading, indices, count=1, criterion="area")
+    return found[0] if found else None
+
+
 def landmark_statuses(
     world: World, sensor: Sensor, at: FloatArray, heading: float
 ) -> tuple[LandmarkStatus, ...]:

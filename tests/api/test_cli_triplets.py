@@ -109,10 +109,34 @@ def test_a_place_that_is_not_free_is_explained(folder, capsys):
     assert (answer["free"], answer["triplets"], answer["counts"]) == (False, [], None)
 
 
-def test_a_map_without_landmarks_has_an_answer(folder, capsys):
-    assert run("triplets", folder / "empty.geojson", 2, 4) == 0
-    assert "no fix: 0 landmarks" in " ".join(capsys.readouterr().out.split())
-    assert asked(capsys, folder / "empty.geojson", 2, 4)["landmarks"] == []
+def test_a_map_without_landmarks_is_refused(folder, capsys):
+    assert run("triplets", folder / "empty.geojson", 2, 4) == 1
+    assert "0 landmarks; a fix needs 3" in " ".join(capsys.readouterr().err.split())
+
+
+def test_one_triplet_has_its_rank_or_a_reason(folder, capsys):
+    ranked = asked(capsys, folder / "room.geojson", 2, 4, "--count", 100)["triplets"]
+    for rank, told in ((1, ranked[0]), (len(ranked), ranked[-1])):
+        answer = asked(capsys, folder / "room.geojson", 2, 4, "--triplet", ",".join(told["triplet"]))
+        assert answer["status"] == "fix"
+        assert (answer["rank"], answer["of"]) == (rank, len(ranked))
+        assert answer["fix"]["area95_m2"] == told["area95_m2"]
+        assert 0 < answer["fix"]["validity"] <= 0.951
+    muted = folder / "muted.json"
+    told = asked(capsys, folder / "room.geojson", 2, 4, "--sensor", muted, "--count", 1)
+    out = [x["id"] for x in told["landmarks"] if x["status"] != "measurable"]
+    ok = [x["id"] for x in told["landmarks"] if x["status"] == "measurable"]
+    three = [*out, *ok][:3]
+    answer = asked(capsys, folder / "room.geojson", 2, 4, "--sensor", muted, "--triplet", ",".join(three))
+    assert answer["status"] == "not_visible"
+    assert answer["rank"] is None
+    assert set(answer["blocking"]) == set(out) & set(three)
+    assert (
+        run("triplets", folder / "room.geojson", 2, 4, "--sensor", muted, "--triplet", ",".join(three)) == 0
+    )
+    assert "no fix" in capsys.readouterr().out
+    assert run("triplets", folder / "room.geojson", 2, 4, "--triplet", "A,B") == 1
+    assert "three different landmarks" in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.parametrize(
