@@ -214,8 +214,9 @@ class _Finishing:
         now = self.clock.elapsed / self.clock.deadline
         end = now + max(0.0, 1.0 - now) / left
         name = f"point of {point.length:.2f} m"
+        way = replace(self.way, graph=self.grid.graph(point), points=point.points, grid_cost=point.grid_cost)
         route, said = finished(
-            self.grid.way(point),
+            way,
             problem,
             self.context,
             self.clock,
