@@ -99,16 +99,23 @@ def find_alternatives(
     Raises
     ------
     InvalidProblem
-        If count, factor or share make no sense.
+        If count, factor or share make no sense, or there are via points, or a belief or a bound on the
+        metres without a fix is asked for.
     StartOutsideMap, GoalOutsideMap, StartOccupied, GoalOccupied
         If the robot cannot stand at an end.
     """
+    if problem.covariance != "fix" or problem.max_blind_distance is not None:
+        raise InvalidProblem(
+            "Alternatives count on single fixes and have no max_blind_distance; leave both out, or plan."
+        )
     if not 1 <= count <= MAX_ALTERNATIVES:
         raise InvalidProblem(f"{count} routes are asked for; it must be from 1 to {MAX_ALTERNATIVES}.")
     if not 1.0 <= max_cost_factor <= 100.0:
         raise InvalidProblem(f"The max_cost_factor is {max_cost_factor}; it must be from 1 to 100.")
     if not 0.0 <= max_share < 1.0:
         raise InvalidProblem(f"The max_share is {max_share}; it must be at least 0 and below 1.")
+    if problem.via:
+        raise InvalidProblem("Alternatives have no via points; ask for some from each to the next.")
     clock = Clock(problem.deadline)
     alone = replace(problem, deadline=max(0.05, problem.deadline * (_BEST_SHARE if count > 1 else 1.0)))
     best = plan(alone, context)

@@ -119,12 +119,17 @@ def pareto_front(
     Raises
     ------
     InvalidProblem
-        If ``against`` is unknown, the count makes no sense, or there are via points.
+        If ``against`` is unknown, the count makes no sense, there are via points, or a belief or a bound on
+        the metres without a fix is asked for.
     StartOutsideMap, GoalOutsideMap, StartOccupied, GoalOccupied
         If the robot cannot stand at an end.
     """
     if against not in {"worst", "mean"}:
         raise InvalidProblem(f"The front is asked against '{against}'; use 'worst' or 'mean'.")
+    if problem.covariance != "fix" or problem.max_blind_distance is not None:
+        raise InvalidProblem(
+            "Fronts count on single fixes and have no max_blind_distance; leave both out, or plan."
+        )
     if not 2 <= count <= MAX_POINTS:
         raise InvalidProblem(f"{count} points are asked for; it must be from 2 to {MAX_POINTS}.")
     if problem.via:

@@ -26,7 +26,9 @@ def plan_via(problem: PlanningProblem, context: PlanningContext, plan_leg: PlanL
     """Plan from start to goal through all via points in their order.
 
     Each leg is planned by itself with its part of the time that is left; places that follow themselves are
-    one. Under ``minimax`` every leg is the shortest under the worst r95 that the hardest leg needs.
+    one. A filtered belief and metres without a fix begin anew at each via point; a warning names those
+    without a fix where that matters. Under ``minimax`` every leg is the shortest under the worst r95 that the
+    hardest leg needs.
 
     Parameters
     ----------
@@ -66,14 +68,16 @@ def plan_via(problem: PlanningProblem, context: PlanningContext, plan_leg: PlanL
     legs = list(pairwise(places))
     whole = _with_common_worst(problem, context, legs)
     results: list[PlanResult] = []
-    said: list[str] = []
+    said = _begun_anew(problem, context)
     for k, (start, goal) in enumerate(legs):
         where = f"Leg {k + 1} of {len(legs)}, from {names[k]} to {names[k + 1]}: "
         left = (clock.deadline - clock.elapsed) / (len(legs) - k)
         result = None
         if not clock.is_over():
             deadline = max(left, MIN_DEADLINE_S)
-            result = plan_leg(replace(whole, start=start, goal=goal, via=(), deadline=deadline), context)
+            leg = replace(whole, start=start, goal=goal, via=(), deadline=deadline)
+            # It is of the start of the whole.
+            result = plan_leg(leg if k == 0 else replace(leg, start_covariance=None), context)
             results.append(result)
             said += [where + warning for warning in result.warnings]
         if result is None or result.route is None:
@@ -96,6 +100,18 @@ def _check_via(problem: PlanningProblem, context: PlanningContext) -> None:
             kind = ViaOutsideMap if isinstance(error, StartOutsideMap) else ViaOccupied
             said = str(error).replace("Start", f"Via point {k + 1}", 1)
             raise kind(said, nearest_free=error.nearest_free) from error
+
+
+def _begun_anew(problem: PlanningProblem, context: PlanningContext) -> list[str]:
+    """Via points without a fix where what was before them counts."""
+    if problem.max_blind_distance is None and problem.covariance == "fix":
+        return []
+    cells = context.field.frame.cell_at(list(problem.via))
+    blind = np.flatnonzero(~context.field.has_fix[cells[:, 0], cells[:, 1]])
+    return [
+        f"Via point {k + 1} has no fix; metres without one and the belief are counted anew from there."
+        for k in blind
+    ]
 
 
 def _with_common_worst(

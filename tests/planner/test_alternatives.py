@@ -128,6 +128,12 @@ def test_no_way_and_no_distance():
     assert len(same.routes) == 1
 
 
+@pytest.mark.parametrize("values", [{"covariance": "fused"}, {"max_blind_distance": 3.0}, {"via": (G,)}])
+def test_questions_that_have_no_alternatives(values):
+    with pytest.raises(InvalidProblem, match="Alternatives"):
+        find_alternatives(PlanningProblem(S, G, 0.3, **values), ring())
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

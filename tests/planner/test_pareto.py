@@ -123,5 +123,8 @@ def test_mistakes():
             pareto_front(question(), hall(), **options)
     with pytest.raises(InvalidProblem, match="via"):
         pareto_front(question(via=((5.0, 2.0),)), hall())
+    for values in ({"covariance": "fused"}, {"max_blind_distance": 3.0}):
+        with pytest.raises(InvalidProblem, match="single fixes"):
+            pareto_front(question(**values), hall())
     with pytest.raises(StartOccupied):
         pareto_front(PlanningProblem((0.3, 0.3), G, 0.3), ring())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from planner.errors import StartOccupied, ViaOccupied, ViaOutsideMap
 from planner.plan import plan
 from planner.problem import PlanningProblem
 from planner.result import PlanStatus
+from planner.via import plan_via
 from tests.fields import synthetic_field
 from tests.planner.test_plan import RING, G, S, ask, ring
 from tests.worlds import world_from_ascii
@@ -103,6 +105,29 @@ def test_metres_without_a_fix_are_added():
     assert unmet.bound == "blind"
     assert unmet.value == pytest.approx(result.route.summary.blind)
     assert result.route.summary.blind >= 3.0
+
+
+def test_beliefs_begin_anew_and_a_warning_says_where_that_matters():
+    def sigma(x, y):
+        return np.where((x > 5) & (x < 6), np.nan, 0.02)
+
+    context = PlanningContext(synthetic_field(world_from_ascii(RING), 0.25, sigma))
+    asked = []
+
+    def leg(problem, context):
+        asked.append(problem)
+        return plan(
+            replace(problem, max_blind_distance=None, covariance="fix", start_covariance=None), context
+        )
+
+    start = (0.01, 0.0, 0.0, 0.01, 0.0, 0.01)
+    problem = PlanningProblem(S, G, 0.3, via=(TOP,), blind_r95=0.1, max_blind_distance=2.0, refine=0)
+    result = plan_via(replace(problem, deadline=10.0), context, leg)
+    assert "Via point 1 has no fix; metres without one and the belief are counted anew from there." in (
+        result.warnings
+    )
+    plan_via(replace(problem, covariance="fused", start_covariance=start, deadline=10.0), context, leg)
+    assert [p.start_covariance is None for p in asked[-2:]] == [False, True]
 
 
 def test_minimax_is_of_the_whole():
