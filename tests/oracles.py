@@ -893,7 +893,7 @@ def lattice_move(lattice, p, row, col):
     from planner.kernels.lattice import move_cost
 
     _, *rest = lattice.move_args
-    return move_cost(p, row, col, *rest)
+    return move_cost(p, row, col, math.inf, *rest)
 
 
 def lattice_dijkstra(lattice, start, goal):
@@ -983,27 +983,20 @@ def lattice_without_headings(lattice, goal):
     return cost
 
 
-def belief_after(P, direction, d, turn, clock, *, fixes, sigmas, timing, parts=4):
-    """Covariance (3, 3), fix clock and worst r95 after a turn on the spot and d m straight ahead.
+def belief_after(P, direction, d, turn, driven, *, fixes, sigmas, period, parts=4):
+    """Covariance (3, 3), metres since a fix was due and worst r95 after a turn on the spot and d m straight ahead.
 
     ``fixes``: information (3, 3) or None of the cell left and the one entered; ``sigmas``: distance, turn,
-    drift, slip; ``timing``: speed, turn rate, seconds between fixes.
+    drift, slip; ``period``: metres between fixes.
     """
-
-    def fixed(P, J, times):
-        return P if J is None else np.linalg.inv(np.linalg.inv(P) + times * J)
 
     def r95(P):
         return math.sqrt(-2 * math.log(0.05) * math.sqrt(np.linalg.det(P[:2, :2])))
 
     P = P + np.diag([0.0, 0.0, sigmas[1] ** 2 * turn])
-    clock += turn / timing[1]
-    if clock + 1e-9 >= timing[2]:
-        times = math.floor(clock / timing[2] + 1e-9)
-        P, clock = fixed(P, fixes[0], times), clock - times * timing[2]
-    clock += d / timing[0]
-    times = math.floor(clock / timing[2] + 1e-9)
-    clock = max(clock - times * timing[2], 0.0)
+    driven += d
+    times = math.floor(driven / period + 1e-9)
+    driven = max(driven - times * period, 0.0)
     pieces = min(max(times, 1), parts)
     c, s, worst = math.cos(direction), math.sin(direction), 0.0
     for i in range(pieces):
@@ -1013,13 +1006,14 @@ def belief_after(P, direction, d, turn, clock, *, fixes, sigmas, timing, parts=4
         M = np.diag([sigmas[0] ** 2 * e, sigmas[2] ** 2 * e, sigmas[3] ** 2 * e])
         P = F @ P @ F.T + G @ M @ G.T
         worst = max(worst, r95(P))
-        if times:
-            P = fixed(P, fixes[0] if times > 1 and 2 * (i + 1) <= pieces else fixes[1], times / pieces)
-    return P, clock, worst
+        J = fixes[0] if times > 1 and 2 * (i + 1) <= pieces else fixes[1]
+        if times and J is not None:
+            P = np.linalg.inv(np.linalg.inv(P) + times / pieces * J)
+    return P, driven, worst
 
 
 def every_fused_walk(
-    passable, fixes, source, target, P, *, resolution, weight, max_r95, sigmas, timing, most
+    passable, fixes, source, target, P, *, resolution, weight, max_r95, sigmas, period, most
 ):
     """Cheapest walk by fused belief, all walks tried in the order of their cost, none dropped; every corner is
     driven. Cost ``∫ 1 + weight · r95``; inf without a walk; None when more than ``most`` walks came first."""
@@ -1030,7 +1024,7 @@ def every_fused_walk(
         return math.sqrt(-2 * math.log(0.05) * math.sqrt(np.linalg.det(P[:2, :2])))
 
     while waiting:
-        cost, _, cell, P, clock, last = heapq.heappop(waiting)
+        cost, _, cell, P, driven, last = heapq.heappop(waiting)
         if cell == target:
             return cost
         for dr, dc in itertools.product((-1, 0, 1), repeat=2):
@@ -1043,7 +1037,7 @@ def every_fused_walk(
             d = math.hypot(dr, dc) * resolution
             pair = (fixes[cell], fixes[to])
             after, then, worst = belief_after(
-                P, direction, d, turn, clock, fixes=pair, sigmas=sigmas, timing=timing
+                P, direction, d, turn, driven, fixes=pair, sigmas=sigmas, period=period
             )
             if worst > max_r95 * (1 + 1e-9):
                 continue

@@ -22,7 +22,7 @@ from numba import njit
 from maps.kernels.clearance import segment_distance
 
 # The heuristic is exact where ways cost up to this many times what the best one does without headings.
-_BEYOND = 1.2
+_BEYOND = 1.12
 
 FOUND = 0
 NO_WAY = 1
@@ -66,6 +66,7 @@ def move_cost(
     p,
     row,
     col,
+    limit,
     heads,
     extra,
     piece_start,
@@ -83,7 +84,10 @@ def move_cost(
     bucket_gap,
     grid,
 ):
-    """Cost of move p from a cell; inf where it is not valid. Exact clearance is asked only near obstacles."""
+    """Cost of move p from a cell; inf where it is not valid or from ``limit`` on.
+
+    Exact clearance is asked only near obstacles.
+    """
     n_rows, n_cols = room.shape
     end_row = row + heads[p, 2]
     end_col = col + heads[p, 3]
@@ -100,6 +104,8 @@ def move_cost(
         if rate == math.inf:
             return math.inf
         total += rate * pieces[k, 0]
+        if total >= limit:
+            return math.inf
         kept = room[r, c]
         if kept < need + pieces[k, 1]:
             # The nearest point of the piece has at most the centre's clearance and its distance from it.
@@ -154,7 +160,7 @@ def costs_without_headings(
     """Least cost from every cell to the seeds by moves of any heading, into ``out`` (ny, nx).
 
     ``seeds`` (S,) cells ``row · nx + col`` with costs (S,). ``guide`` (3,): row and column of the start,
-    smallest rate. A* until all cells are final through which ways cost at most 1.2 times as much as from the
+    smallest rate. A* until all cells are final through which ways cost at most 1.12 times as much as from the
     first of the cells ``starts`` (T,) that is reached, or ``bound``; the others get a consistent bound: never
     more than the true cost, inf where there is no way. Returns whether another thread did not set ``stop``
     (1,).
@@ -212,6 +218,7 @@ def costs_without_headings(
                 p,
                 r,
                 c,
+                cost[before] - so_far,
                 heads,
                 extra,
                 piece_start,
@@ -333,10 +340,15 @@ def search_poses(
             known = so_far[state]
             if known < 0.0:
                 continue
+            # Only a way that is cheaper than those known to the pose, and to the goal, is of use.
+            spare = best - ahead - cost
+            if known > 0.0:
+                spare = min(spare, known - 1.0 - cost)
             new = cost + move_cost(
                 p,
                 row,
                 col,
+                spare,
                 heads,
                 extra,
                 piece_start,

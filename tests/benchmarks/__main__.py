@@ -27,6 +27,7 @@ SECTIONS = {
     "plan": "bench_planner",
     "labels": "bench_labels",
     "matrix": "bench_matrix",
+    "kinematics": "bench_kinematics",
     "simulation": "bench_simulation",
     "heatmap": "bench_heatmap",
 }
