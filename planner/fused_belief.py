@@ -55,9 +55,9 @@ class FilterModel:
                 raise InvalidProblem(f"The {name} is {value} {unit}; it must be positive and finite.")
 
     @property
-    def timing(self) -> FloatArray:
-        """Shape (3,): speed, turn rate, and seconds between fixes, as ``planner.kernels.fused`` takes it."""
-        return np.array([self.speed, self.turn_rate, 1.0 / self.fix_rate])
+    def period(self) -> float:
+        """Metres between fixes; 0 for one per cell that is entered."""
+        return self.speed / self.fix_rate
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,6 +107,15 @@ class FusedField:
     def has_fix(self) -> BoolArray:
         """Shape (ny, nx): cells in which a fix updates the filter."""
         return np.asarray(self.information[..., 5] > 0)
+
+    @property
+    def harms(self) -> tuple[FloatArray, FloatArray]:
+        """Shape (ny, nx) each: 1 in cells without a fix, and r95 of one fix, m, 0 without."""
+        known = self.has_fix
+        return (
+            frozen(np.where(known, 0.0, 1.0)),
+            frozen(np.where(known, np.nan_to_num(self.field.r95, nan=0.0), 0.0)),
+        )
 
     def fix_covariance(self, place: tuple[float, float]) -> FloatArray:
         """Covariance (3, 3) of one fix at a place, m², m rad, rad².

@@ -25,8 +25,8 @@ from planner.kernels.fused import (
     BY_COST,
     BY_EXCESS,
     BY_R95,
-    CLOCK,
     DIRECTION,
+    DRIVEN,
     METRES,
     MOST,
     fused_labels,
@@ -111,8 +111,8 @@ class SearchSettings:
     Attributes
     ----------
     ratio
-        A dearer label of a cell is kept if its uncertainty is below this share of the cheaper one's; 1: if it
-        is lower at all.
+        A dearer label of a cell is kept if its r95, or its uncertainty with the heading's, is below this
+        share of the cheaper one's; 1: if it is lower at all.
     arm
         Lever that turns the heading's uncertainty into metres when uncertainties are compared, m.
     play
@@ -124,7 +124,7 @@ class SearchSettings:
     """
 
     ratio: float = 0.97
-    arm: float = 2.0
+    arm: float = 5.0
     play: float = 0.0
     max_labels: int = 5_000_000
 
@@ -231,7 +231,7 @@ class _FusedSearch:
         information[1:-1, 1:-1] = fused.information
         self.information = information.reshape(-1, 6)
         self.blind = np.asarray(self.information[:, 5] <= 0).astype(np.uint8)
-        self.noise, self.timing = model.odometry.kernel_args, model.timing
+        self.noise, self.period = model.odometry.kernel_args, model.period
         self.starts, start_costs = graph.connect(question.start)
         lines = blind_lines(graph, fused.has_fix, question.start, self.starts)
         offsets = graph.centres(self.starts) - np.asarray(question.start)
@@ -278,7 +278,7 @@ class _FusedSearch:
         outcome, cost, self.worst, walked, labels, _ = fused_labels(
             self.graph.half, self.blind, self.graph.width, 0.5 * self.graph.cost_space.frame.resolution,
             self.information, bounds.largest, self.to_go.padded, self.start_rows, first, self.goal_rows,
-            self.noise, self.timing, weight, bounds.max_r95, bounds.max_blind * (1 + _ROUNDING), mode,
+            self.noise, self.period, weight, bounds.max_r95, bounds.max_blind * (1 + _ROUNDING), mode,
             ratio, s.arm, s.play, s.max_labels, self.stop,
         )  # fmt: skip
         if len(walked) == 0:
@@ -302,7 +302,7 @@ class _FusedSearch:
                 math.atan2(uy, ux), labels[-1, DIRECTION], labels[-1, ANCHOR], self.settings.play
             )
             J = self.information[at]
-            _, most, _ = advance(P, ux, uy, d, turn, labels[-1, CLOCK], J, J, self.noise, self.timing)
+            _, most, _ = advance(P, ux, uy, d, turn, labels[-1, DRIVEN], J, J, self.noise, self.period)
         metres = labels[:, METRES]
         last = float(metres[-1]) + self.goal_lines[k].first
         points = np.concatenate([[q.start], graph.centres(walked), [q.goal]])

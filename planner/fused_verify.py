@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +20,7 @@ from planner.cost_space import CostSpace
 from planner.cost_to_go import CostToGo, GridGraph
 from planner.fused_belief import FilterModel, FusedField
 from planner.fused_search import OPTIMISTIC_PLAY, FusedQuestion, SearchSettings, fused_path
+from planner.kernels.line_cost import motion_rate_cost
 from planner.label_search import LabelPath, Stop, line_stretches
 from planner.risk import collision_risk
 
@@ -28,6 +30,8 @@ _WITHIN_CELLS = (1.0, 0.5, 0.0)
 _WINDOW = 400
 # So many points in a row that do not fit end a line.
 _PATIENCE = 8
+# Means along a line may be larger by this than along the part of the path that it stands for.
+_MORE_HARM = 1.02
 _ROUNDING = 1e-6
 
 
@@ -107,7 +111,8 @@ def _checked(
         return VerifiedPath(path, np.empty((0, 2)), None, math.inf, math.inf)
     space, best = graph.cost_space, None
     for cells in _WITHIN_CELLS:
-        points = straight_lines(path.points, space, within=cells * space.frame.resolution)
+        within = cells * space.frame.resolution
+        points = straight_lines(path.points, space, within=within, harms=fused.harms)
         belief = fused.along(points, np.asarray(question.covariance), model)
         blind = line_stretches(space.frame, fused.has_fix, points).longest
         found = VerifiedPath(path, points, belief, _excess(space, question, belief, blind), blind)
@@ -143,7 +148,11 @@ def _collision_ratio(space: CostSpace, belief: PathBelief, bound: float) -> floa
 
 
 def straight_lines(
-    points: npt.ArrayLike, cost_space: CostSpace, *, within: float | None = None
+    points: npt.ArrayLike,
+    cost_space: CostSpace,
+    *,
+    within: float | None = None,
+    harms: tuple[FloatArray, ...] = (),
 ) -> FloatArray:
     """Straight lines along a grid path: as long as they are valid and its points lie close to them.
 
@@ -155,6 +164,9 @@ def straight_lines(
         What is allowed.
     within
         Largest distance of the path's points from their line, m; None: one cell.
+    harms
+        Shape (ny, nx) each: the mean of none of them along a line may be more than 2 % above that along the
+        part of the path that it stands for.
 
     Returns
     -------
@@ -163,12 +175,28 @@ def straight_lines(
     """
     p = np.array(points, dtype=np.float64, order="C").reshape(-1, 2)
     limit = cost_space.frame.resolution if within is None else within
+    transform = cost_space.transform
+    arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(p, axis=0).T))])
+    sums = [
+        np.concatenate([[0.0], np.cumsum([motion_rate_cost(*a, *b, h, transform) for a, b in pairwise(p)])])
+        for h in harms
+    ]
+
+    def stands_for(i: int, j: int) -> bool:
+        if not (_is_close(p[i : j + 1], limit) and math.isfinite(cost_space.line_cost(p[[i, j]]))):
+            return False
+        more = _MORE_HARM * math.dist(p[i], p[j]) / (arc[j] - arc[i])
+        return all(
+            motion_rate_cost(*p[i], *p[j], h, transform) <= more * (total[j] - total[i]) + _ROUNDING
+            for h, total in zip(harms, sums, strict=True)
+        )
+
     kept, last = [0], len(p) - 1
     while kept[-1] < last:
         i = kept[-1]
         best, missed = i + 1, 0
         for j in range(i + 2, min(i + _WINDOW, last) + 1):
-            if _is_close(p[i : j + 1], limit) and math.isfinite(cost_space.line_cost(p[[i, j]])):
+            if stands_for(i, j):
                 best, missed = j, 0
             else:
                 missed += 1

@@ -1,8 +1,8 @@
 """The filter's covariance carried along straight moves, in six numbers.
 
 A covariance is xx, xy, yy, xθ, yθ, θθ; so is the information of a fix, the sum of ``hᵀ h / v`` over its
-bearings. ``noise`` (4,) is that of ``localization.kernels.ekf``; ``timing`` (3,): speed (m/s), turn rate
-(rad/s), seconds between fixes (0: one per move).
+bearings. ``noise`` (4,) is that of ``localization.kernels.ekf``; ``period``: metres driven between fixes,
+0 for one per move.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from numba import njit
 
 _CHI2_95 = -2.0 * math.log(0.05)
 _TWO_PI = 2.0 * math.pi
-# Rounding of times, in fixes.
+# Rounding of distances, in fixes.
 _EPS = 1e-9
 # At most so many pieces per move between which fixes are folded in.
 _MAX_PARTS = 4
@@ -111,37 +111,30 @@ def turned(direction, last, anchor, play):
 
 
 @njit(cache=True, nogil=True)
-def advance(P, ux, uy, d, turn, clock, before, after, noise, timing):
-    """Drive on in place: turn, then ``d`` m along (ux, uy), fixes of ``before`` and ``after`` (6,) on time.
+def advance(P, ux, uy, d, turn, driven, before, after, noise, period):
+    """Drive on in place: turn, then ``d`` m along (ux, uy) with fixes of ``before`` and ``after`` (6,).
 
-    ``clock`` is the time since the last time for a fix, s. The first half is measured with ``before``, the
-    second with ``after``; a single fix counts at the end. Returns the new clock, and the largest r95 (m) and
-    variance (m²) on the way, those just before a fix.
+    ``driven`` is the way since a fix was last due, m. The first half is measured with ``before``, the second
+    with ``after``; a single fix counts at the end. What is measured while turning does not count: standing
+    still would make a path certain. Returns the new ``driven``, and the largest r95 (m) and variance (m²) on
+    the way, those just before a fix.
     """
-    r95 = 0.0
-    variance = 0.0
-    period = timing[2]
-    if turn > 0.0:
-        P[5] += noise[1] * turn
-        if period > 0.0:
-            clock += turn / timing[1]
-            count = math.floor(clock / period + _EPS)
-            clock -= count * period
-            if count > 0.0 and before[5] > 0.0:
-                fold_in(P, before, count)
+    P[5] += noise[1] * turn
     count = 1.0
     if period > 0.0:
-        clock += d / timing[0]
-        count = math.floor(clock / period + _EPS)
-        clock = max(clock - count * period, 0.0)
+        driven += d
+        count = math.floor(driven / period + _EPS)
+        driven = max(driven - count * period, 0.0)
     if count <= 1.0:
         predict_straight(P, ux, uy, d, noise)
         r95 = r95_of(P)
         variance = largest_variance(P)
         if count == 1.0 and after[5] > 0.0:
             fold_in(P, after, 1.0)
-        return clock, r95, variance
+        return driven, r95, variance
     parts = int(min(count, _MAX_PARTS))
+    r95 = 0.0
+    variance = 0.0
     for i in range(parts):
         predict_straight(P, ux, uy, d / parts, noise)
         r95 = max(r95, r95_of(P))
@@ -149,4 +142,4 @@ def advance(P, ux, uy, d, turn, clock, before, after, noise, timing):
         J = before if 2 * (i + 1) <= parts else after
         if J[5] > 0.0:
             fold_in(P, J, count / parts)
-    return clock, r95, variance
+    return driven, r95, variance

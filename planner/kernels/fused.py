@@ -21,7 +21,7 @@ _EPS = 1e-9
 #: What a search minimises: the cost under bounds, the largest r95 under the others, the factor on all bounds.
 BY_COST, BY_R95, BY_EXCESS = range(3)
 #: Columns of a label: covariance (0-5), then these.
-COST, R95, SCALE, METRES, CLOCK, DIRECTION, ANCHOR, WORST, MOST, N_COLUMNS = range(6, 16)
+COST, R95, SCALE, METRES, DRIVEN, DIRECTION, ANCHOR, WORST, MOST, N_COLUMNS = range(6, 16)
 
 
 @njit(cache=True, nogil=True)
@@ -45,7 +45,7 @@ def fused_labels(
     first,
     goals,
     noise,
-    timing,
+    period,
     weight,
     max_r95,
     max_blind,
@@ -62,11 +62,11 @@ def fused_labels(
     ``1 + weight · r95``, the mean of both ends. ``information`` (n, 6) of one fix per cell, zero without;
     ``largest`` (n,): variance of the position that is allowed there, m²; ``to_go`` (n,): never above what is
     left. ``starts`` (S, 5): cell, cost, length, direction to its centre (NaN: none), metres without a fix;
-    ``first`` (8,): covariance, fix clock and heading (NaN: free) at the start. ``goals`` (T, 3): cell, cost
+    ``first`` (8,): covariance, fix driven and heading (NaN: free) at the start. ``goals`` (T, 3): cell, cost
     to the goal, metres without a fix. ``mode``: BY_COST keeps ``max_r95``, ``largest`` and ``max_blind`` (m);
     BY_R95 keeps them and minimises the largest r95; BY_EXCESS the largest ratio to any bound, keeping none.
-    Of two labels in a cell the later one is dropped if it is worse in what is minimised and its
-    ``√(λ + arm² θθ)`` is not below ``ratio`` of the other's; inf: none is dropped.
+    Of two labels in a cell the later one is dropped if it is worse in what is minimised and neither its r95
+    nor its ``√(λ + arm² θθ)`` is below ``ratio`` of the other's; inf: none is dropped.
     """
     steps = (1, -1, width, -width, width + 1, width - 1, -width + 1, -width - 1)
     ups = (0.0, 0.0, 1.0, -1.0, 1.0, 1.0, -1.0, -1.0)
@@ -149,12 +149,12 @@ def fused_labels(
                 ux = math.cos(direction) if d > 0.0 else 0.0
                 uy = math.sin(direction) if d > 0.0 else 0.0
                 r_u = r95_of(P)
-                clock = first[6]
+                driven = first[6]
                 most = r_u
                 variance = largest_variance(P)
                 if d > 0.0:
-                    clock, most, variance = advance(
-                        P, ux, uy, d, turn, clock, information[v], information[v], noise, timing
+                    driven, most, variance = advance(
+                        P, ux, uy, d, turn, driven, information[v], information[v], noise, period
                     )
                 base = starts[k, 1]
                 metres = starts[k, 4]
@@ -191,8 +191,8 @@ def fused_labels(
                 direction = math.atan2(uy, ux)
                 turn, anchor = turned(direction, data[label, DIRECTION], data[label, ANCHOR], play)
                 d = 2.0 * length * factor
-                clock, most, variance = advance(
-                    P, ux, uy, d, turn, data[label, CLOCK], information[u], information[v], noise, timing
+                driven, most, variance = advance(
+                    P, ux, uy, d, turn, data[label, DRIVEN], information[u], information[v], noise, period
                 )
                 worst = data[label, WORST]
             r = r95_of(P)
@@ -220,6 +220,7 @@ def fused_labels(
                 if (
                     value <= primary
                     and data[other, SCALE] * ratio <= scale
+                    and data[other, R95] * ratio <= r
                     and (max_blind == math.inf or data[other, METRES] <= metres)
                 ):
                     dropped = True
@@ -227,6 +228,7 @@ def fused_labels(
                 if (
                     primary <= value
                     and scale * max(ratio, 1.0) <= data[other, SCALE]
+                    and r * max(ratio, 1.0) <= data[other, R95]
                     and links[other, 3] == 1
                     and (max_blind == math.inf or metres <= data[other, METRES])
                 ):
@@ -249,7 +251,7 @@ def fused_labels(
             data[count, R95] = r
             data[count, SCALE] = scale
             data[count, METRES] = metres
-            data[count, CLOCK] = clock
+            data[count, DRIVEN] = driven
             data[count, DIRECTION] = direction
             data[count, ANCHOR] = anchor
             data[count, WORST] = worst

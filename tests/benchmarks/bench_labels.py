@@ -43,7 +43,7 @@ def pairs(graph, has_fix, rng):
     return found
 
 
-def row(site, name, graph, ends, search, real):
+def row(site, name, graph, ends, search, real=None, harms=()):
     """One line of the table; ``search`` answers a pair, ``real`` gives the filter's worst r95 along points."""
     search(*ends[0])
     seconds, outcomes, longer, corners, lines = [], {}, [], [], []
@@ -56,7 +56,7 @@ def row(site, name, graph, ends, search, real):
         longer.append(length / graph.costs_to(goal).path_from(start)[0] - 1)
         if real is not None:
             corners.append(real(path.points) / path.worst_r95)
-            lines.append(real(straight_lines(path.points, graph.cost_space)) / path.worst_r95)
+            lines.append(real(straight_lines(path.points, graph.cost_space, harms=harms)) / path.worst_r95)
     p50, p95 = 1000 * np.percentile(seconds, [50, 95])
     return {
         "site": site,
@@ -76,7 +76,7 @@ def rows_of(site, context):
     """All questions on one field."""
     graph = context.graph(radius=RADIUS, weight=0.0, blind_rate=1.0)
     fused, model = FusedField.from_field(context.field), FilterModel()
-    known = fused.has_fix
+    known, harms = fused.has_fix, fused.harms
     ends = pairs(graph, known, np.random.default_rng(7))
     out = []
     for bound in (5.0, 10.0):
@@ -84,7 +84,7 @@ def rows_of(site, context):
         def blind(start, goal, bound=bound):
             return blind_path(graph, known, start, goal, max_blind_distance=bound)
 
-        out.append(row(site, f"at most {bound:g} m without a fix", graph, ends, blind, None))
+        out.append(row(site, f"at most {bound:g} m without a fix", graph, ends, blind))
     for name, options in FUSED.items():
 
         def search(start, goal, options=options):
@@ -93,7 +93,7 @@ def rows_of(site, context):
         def real(points):
             return fused.along(points, START, model).r95.max()
 
-        out.append(row(site, name, graph, ends, search, real))
+        out.append(row(site, name, graph, ends, search, real, harms))
     return out
 
 

@@ -12,6 +12,7 @@ from localization import covariance as cov
 from localization.motion import OdometryModel
 from planner.fused_search import FusedQuestion, SearchSettings, fused_path
 from planner.fused_verify import straight_lines, verified_path
+from planner.kernels.any_angle import subdivide
 from planner.risk import collision_risk
 from tests.planner.test_fused_search import DOOR, LOST, MODEL, RADIUS, Scene
 
@@ -41,6 +42,21 @@ def test_lines_stand_for_zigzags(door):
     assert np.hypot(*np.diff(exact, axis=0).T).sum() == pytest.approx(
         np.hypot(*np.diff(path.points, axis=0).T).sum()
     )
+
+
+def test_lines_do_not_leave_what_the_path_went_for(door):
+    path = door.path(covariance=LOST, objective="weighted", weight=20.0)
+    space = door.graph.cost_space
+    careless = straight_lines(path.points, space, within=5.0)
+    careful = straight_lines(path.points, space, within=5.0, harms=door.fused.harms)
+
+    def blind(points):
+        return np.sum(~door.fused.has_fix[tuple(space.frame.cell_at(subdivide(points, 0.01)).T)]) * 0.01
+
+    def share(points):
+        return blind(points) / np.hypot(*np.diff(points, axis=0).T).sum()
+
+    assert share(careful) <= 1.03 * share(path.points) < share(careless)
 
 
 def test_what_is_reported_is_the_filters(door):
