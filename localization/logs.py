@@ -14,6 +14,9 @@ from maps.se2 import wrap
 
 #: Reference poses further apart than this are not interpolated, s.
 MAX_GAP_S = 0.1
+#: A speed that the odometry reported holds until the next line, but not for longer than this, s. Drivers that
+#: log changes alone repeat the last command about every second.
+MAX_ODOMETRY_GAP_S = 2.0
 # Times of a log are sums or counts since an epoch.
 _ROUNDING_S = 1e-6
 
@@ -169,20 +172,57 @@ def interpolated(track: FloatArray, times: FloatArray, max_gap: float = MAX_GAP_
     return out
 
 
-def driven_between(odometry: FloatArray, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+def driven_between(
+    odometry: FloatArray, times: FloatArray, *, max_gap: float = MAX_ODOMETRY_GAP_S
+) -> tuple[FloatArray, FloatArray]:
     """Distance (m) and turn (rad) that the odometry (T, 3) reports up to each of ``times`` (S,), summed.
 
-    A speed holds until the next line; distances count backwards as negative.
+    A speed holds until the next line; distances count backwards as negative. Over gaps longer than
+    ``max_gap`` seconds nothing is counted: :func:`unknown_between` tells them from standing still.
+
+    Parameters
+    ----------
+    odometry
+        Time (s), speed (m/s), turn rate (rad/s) a line.
+    times
+        Ascending, s.
+    max_gap
+        s.
     """
-    if len(odometry) == 0:
+    if len(odometry) == 0 or len(times) == 0:
         return np.zeros(len(times)), np.zeros(len(times))
-    step = np.diff(odometry[:, 0])
+    line = odometry[:, 0]
+    length = np.diff(line, append=max(line[-1], times[-1]))
+    speed = np.where((length <= max_gap + _ROUNDING_S)[:, None], odometry[:, 1:], 0.0)
     sums = np.zeros((len(odometry), 2))
-    sums[1:] = np.cumsum(odometry[:-1, 1:] * step[:, None], axis=0)
-    at = np.clip(np.searchsorted(odometry[:, 0], times, side="right") - 1, 0, None)
-    rest = np.maximum(times - odometry[at, 0], 0.0)
-    total = sums[at] + odometry[at, 1:] * rest[:, None]
+    sums[1:] = np.cumsum(speed[:-1] * length[:-1, None], axis=0)
+    at = np.clip(np.searchsorted(line, times, side="right") - 1, 0, None)
+    rest = np.maximum(times - line[at], 0.0)
+    total = sums[at] + speed[at] * rest[:, None]
     return np.asarray(total[:, 0]), np.asarray(total[:, 1])
+
+
+def unknown_between(
+    odometry: FloatArray, times: FloatArray, *, max_gap: float = MAX_ODOMETRY_GAP_S
+) -> FloatArray:
+    """Seconds in gaps of the odometry (T, 3) up to each of ``times`` (S,), summed: motion is unknown there.
+
+    Gaps lie between lines more than ``max_gap`` seconds apart, and where more than that lies before the first
+    or after the last line. A gap is unknown from its first moment on: its line may be the last true one.
+
+    Parameters
+    ----------
+    odometry, times, max_gap
+        As for :func:`driven_between`.
+    """
+    if len(times) == 0:
+        return np.zeros(0)
+    line = odometry[:, 0]
+    outer = times[[0, -1]] if len(line) == 0 else [min(times[0], line[0]), max(times[-1], line[-1])]
+    knots = np.unique(np.concatenate([outer, line]))
+    length = np.diff(knots)
+    sums = np.concatenate([[0.0], np.cumsum(np.where(length > max_gap + _ROUNDING_S, length, 0.0))])
+    return np.asarray(np.interp(times, knots, sums))
 
 
 def scans(
@@ -190,9 +230,9 @@ def scans(
 ) -> list[IntArray]:
     """Usable sightings taken from one place: indices of each scan, every landmark once.
 
-    A scan starts with a sighting and takes in those of the next ``window`` seconds while the odometry reports
-    no more than ``still_m`` and ``still_rad``. Sightings with one time stamp are always together. A landmark
-    seen again in a scan counts with its first sighting.
+    A scan starts with a sighting and takes in those of the next ``window`` seconds while the odometry has no
+    gap and reports no more than ``still_m`` and ``still_rad``. Sightings with one time stamp are always
+    together. A landmark seen again in a scan counts with its first sighting.
 
     Parameters
     ----------
@@ -206,6 +246,7 @@ def scans(
     used = np.flatnonzero(log.usable)
     t = log.time[used]
     distance, turn = driven_between(log.odometry, t)
+    unknown = unknown_between(log.odometry, t)
     reach = window if len(log.odometry) else 0.0
     out: list[IntArray] = []
     start = 0
@@ -215,6 +256,7 @@ def scans(
             or t[end] == t[end - 1]
             or (
                 t[end] - t[start] <= reach
+                and unknown[end] == unknown[start]
                 and abs(distance[end] - distance[start]) <= still_m
                 and abs(turn[end] - turn[start]) <= still_rad
             )

@@ -8,7 +8,14 @@ import numpy as np
 
 from localization.calibration import MIN_SIGHTINGS
 from localization.errors import CalibrationError
-from localization.logs import BearingLog, driven_between, interpolated, residuals
+from localization.logs import (
+    MAX_ODOMETRY_GAP_S,
+    BearingLog,
+    driven_between,
+    interpolated,
+    residuals,
+    unknown_between,
+)
 from localization.motion import OdometryModel
 from localization.robust import robust_scale, shares_of_variance
 from maps.arrays import BoolArray, FloatArray
@@ -44,6 +51,8 @@ class OdometryCalibration:
 def calibrate_odometry(log: BearingLog, *, window: float = 2.0) -> OdometryCalibration:
     """Scales and noise of a log's odometry, over stretches of ``window`` seconds between reference poses.
 
+    Stretches with a gap of the odometry are left out.
+
     Raises
     ------
     CalibrationError
@@ -57,9 +66,10 @@ def calibrate_odometry(log: BearingLog, *, window: float = 2.0) -> OdometryCalib
     poses = interpolated(log.track, times)
     _, turn = driven_between(log.odometry, times)
     w = np.diff(turn)
+    whole = np.diff(unknown_between(log.odometry, times)) == 0
     expected, length, known = _displacements(log, times)
     reach = np.hypot(expected[:, 0], expected[:, 1])
-    both = np.isfinite(poses[1:, 0]) & np.isfinite(poses[:-1, 0]) & known
+    both = np.isfinite(poses[1:, 0]) & np.isfinite(poses[:-1, 0]) & known & whole
     both &= (length > _LEAST) | (np.abs(w) > _LEAST)
     if int(np.sum(both)) < MIN_SIGHTINGS:
         raise CalibrationError(
@@ -116,7 +126,8 @@ def sighting_lag(log: BearingLog) -> float:
     used = log.usable
     if len(log.odometry):
         at = np.clip(np.searchsorted(log.odometry[:, 0], log.time, side="right") - 1, 0, None)
-        rate = log.odometry[at, 2]
+        known = np.abs(log.time - log.odometry[at, 0]) <= MAX_ODOMETRY_GAP_S
+        rate = np.where(known, log.odometry[at, 2], 0.0)
     else:
         rate = np.zeros(len(log.time))
     used &= np.abs(rate) > 0.02

@@ -9,6 +9,7 @@ from enum import IntEnum
 
 import numpy as np
 import numpy.typing as npt
+from scipy.stats import chi2 as chi2_distribution
 
 from localization.camera import Camera
 from localization.errors import DegenerateGeometry, InvalidMeasurement
@@ -102,9 +103,16 @@ class PoseFix:
     status
         ``OK``, ``NO_POSE`` or ``DEGENERATE`` (no triplet gives a start), ``SINGULAR``, ``NO_CONVERGENCE``.
     chi2
-        Weighted sum of squared residuals, with M - 3 degrees of freedom; NaN without a start.
+        Weighted sum of squared residuals, with ``dof`` degrees of freedom; NaN without a start.
     steps
         Gauss-Newton steps tried.
+    dof
+        M - 3: bearings beyond those that a pose needs.
+
+    Notes
+    -----
+    ``OK`` says that the steps ended, not that the bearings agree: see :attr:`p_value`,
+    :meth:`is_consistent`. A misread landmark gives a pose too.
     """
 
     pose: FloatArray
@@ -112,10 +120,33 @@ class PoseFix:
     status: FixStatus
     chi2: float
     steps: int
+    dof: int
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "pose", frozen(self.pose))
         object.__setattr__(self, "covariance", frozen(self.covariance))
+
+    @property
+    def p_value(self) -> float:
+        """Probability that good bearings disagree at least so much: upper tail of χ² with ``dof`` degrees.
+
+        1 for three bearings, which always agree; NaN without a pose.
+        """
+        if not self.converged:
+            return math.nan
+        return float(chi2_distribution.sf(self.chi2, self.dof)) if self.dof > 0 else 1.0
+
+    def is_consistent(self, level: float = 0.999) -> bool:
+        """Whether there is a pose and its bearings agree as well as ``level`` of good ones do.
+
+        Raises
+        ------
+        InvalidMeasurement
+            If the level is not between 0 and 1.
+        """
+        if not 0 < level < 1:
+            raise InvalidMeasurement(f"Level is {level}; give a probability between 0 and 1, like 0.999.")
+        return self.converged and self.p_value >= 1.0 - level
 
     @property
     def converged(self) -> bool:
@@ -260,16 +291,16 @@ def locate(bearings: npt.ArrayLike, landmarks: npt.ArrayLike, sigma: npt.ArrayLi
     weights = np.ascontiguousarray(np.broadcast_to(s**-2.0, b.shape))
     b, m, weights = _read_only(b), _read_only(m), _read_only(weights)
     starts, otherwise = _starts(b, m, weights)
-    failure = PoseFix(np.full(3, np.nan), np.full((3, 3), np.nan), otherwise, math.nan, 0)
+    failure = PoseFix(np.full(3, np.nan), np.full((3, 3), np.nan), otherwise, math.nan, 0, len(b) - 3)
     for start in starts:
         pose, covariance = start.copy(), np.empty((3, 3))
         outcome, steps, chi2 = least_squares.refine(b, m, weights, MAX_STEPS, pose, covariance)
         if outcome == least_squares.CONVERGED:
-            return PoseFix(pose, covariance, FixStatus.OK, chi2, steps)
+            return PoseFix(pose, covariance, FixStatus.OK, chi2, steps, len(b) - 3)
         if failure.steps == 0:
             singular = outcome == least_squares.SINGULAR
             status = FixStatus.SINGULAR if singular else FixStatus.NO_CONVERGENCE
-            failure = PoseFix(failure.pose, failure.covariance, status, chi2, steps)
+            failure = PoseFix(failure.pose, failure.covariance, status, chi2, steps, len(b) - 3)
     return failure
 
 

@@ -16,7 +16,7 @@ from localization.belief import PoseBelief
 from localization.calibration import BearingCalibration, calibrate_bearings
 from localization.consistency import MeanNees, coverage, mean_nees, nees
 from localization.fix_study import FixSummary, ScanFixes, own_share, scan_fixes, summarise
-from localization.log_filter import FilterRun, run_filter
+from localization.log_filter import FilterRun, ScanOutcome, run_filter
 from localization.logs import BearingLog, Sighting, between, delayed, interpolated, residuals, scans
 from localization.odometry_calibration import OdometryCalibration, calibrate_odometry, sighting_lag
 from maps.arrays import FloatArray, IntArray
@@ -105,6 +105,8 @@ class FilterStudy:
         Position error, m.
     rejected
         Share of bearings outside the gate.
+    restarted
+        How often the filter started again from a fix: motion unknown, or lost.
     """
 
     view: str
@@ -116,6 +118,7 @@ class FilterStudy:
     actual_median: float
     actual_p95: float
     rejected: float
+    restarted: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -273,6 +276,7 @@ def _judged(view: str, run: FilterRun, log: BearingLog) -> FilterStudy:
         float(np.nanmedian(distance)),
         float(np.nanpercentile(distance, 95)),
         float(1.0 - np.mean(run.accepted[counted])),
+        run.count(ScanOutcome.REINITIALISED) + run.count(ScanOutcome.RECOVERED),
     )
 
 

@@ -9,7 +9,8 @@ from textwrap import fill
 
 from localization.calibration import Interval
 from localization.fix_study import FixSummary
-from localization.logs import Sighting
+from localization.log_filter import Recovery
+from localization.logs import MAX_ODOMETRY_GAP_S, Sighting
 from localization.robust import GATE_SIGMAS
 from localization.validation import GATE, ODOMETRY_WINDOW_S, WINDOWS_S, FilterStudy, LogCase, LogStudy, study
 
@@ -240,8 +241,10 @@ def _filters(studies: Sequence[LogStudy]) -> str:
 
 Odometry against the reference over stretches of different lengths (whole run), then the extended Kalman
 filter with the models of {ODOMETRY_WINDOW_S:g} s and the bearings of all landmarks, started at the reference
-with 2 cm and 0.02 rad; a gate passes {100 * GATE:.1f} % of good bearings. A consistent filter has a mean
-NEES of 3 (bounds for independent errors; those of a filter are not) and a median of 2.37.
+with 2 cm and 0.02 rad; a gate passes {100 * GATE:.1f} % of good bearings. Where the odometry is silent
+for more than {MAX_ODOMETRY_GAP_S:g} s, or {Recovery().lost_after} scans in a row are rejected, the filter
+starts again from the fix of a scan, where there is one. A consistent filter has a mean NEES of 3 (bounds for
+independent errors; those of a filter are not) and a median of 2.37.
 
 """
     text += _table(
@@ -259,7 +262,13 @@ NEES of 3 (bounds for independent errors; those of a filter are not) and a media
         odometry,
     )
     head = ["run", "bearings", "scans", "NEES mean (bounds)", "NEES median", "inside 95 %, %"]
-    head += ["median predicted, m", "median actual, m", "95th percentile actual, m", "rejected, %"]
+    head += [
+        "median predicted, m",
+        "median actual, m",
+        "95th percentile actual, m",
+        "rejected, %",
+        "restarts",
+    ]
     return text + "\n" + _table(head, rows)
 
 
@@ -274,6 +283,7 @@ def _filter_row(f: FilterStudy) -> list[str]:
         _distance(f.actual_median),
         _distance(f.actual_p95),
         _percent(f.rejected),
+        str(f.restarted),
     ]
 
 

@@ -228,6 +228,10 @@ def filter_log(
     variances,
     survey,
     gate,
+    first,
+    stop,
+    in_a_row,
+    lost_after,
     out_mean,
     out_P,
     out_normalised,
@@ -235,14 +239,20 @@ def filter_log(
 ):
     """Filter a drive: steps (T,) of odometry, scans (S,) of bearings after ``scan_step`` steps (ascending).
 
-    Scan s has the bearings ``scan_offsets[s]`` to ``scan_offsets[s + 1]``. ``mean`` and ``P`` start and are
-    changed; outputs (S, 3) and (S, 3, 3) are the posteriors, (B,) and (B,) per bearing as in
-    ``update_bearings``.
+    Scan s has the bearings ``scan_offsets[s]`` to ``scan_offsets[s + 1]``. ``mean`` and ``P`` start after
+    scan ``first - 1`` and are changed; outputs (S, 3) and (S, 3, 3) are the posteriors, (B,) and (B,) per
+    bearing as in ``update_bearings``. Ends before a scan marked in ``stop`` (S,), or after one that makes
+    ``lost_after`` scans in a row of whose bearings more than half were rejected (0: never), ``in_a_row`` of
+    them before.
+
+    Returns the scan it ended at (S at the end) and how many in a row were rejected.
     """
-    t = 0
+    t = 0 if first == 0 else scan_step[first - 1]
     unused = np.empty(bearings.shape[0])
     centre = np.zeros(3)
-    for s in range(scan_step.shape[0]):
+    for s in range(first, scan_step.shape[0]):
+        if stop[s]:
+            return s, in_a_row
         while t < scan_step[s]:
             predict(mean, P, distances[t], turns[t], noise)
             t += 1
@@ -263,3 +273,23 @@ def filter_log(
         )
         out_mean[s] = mean
         out_P[s] = P
+        if is_refused(out_normalised[a:b], out_accepted[a:b]):
+            in_a_row += 1
+            if lost_after > 0 and in_a_row >= lost_after:
+                return s, in_a_row
+        else:
+            in_a_row = 0
+    return scan_step.shape[0], in_a_row
+
+
+@njit(cache=True, nogil=True)
+def is_refused(normalised, accepted):
+    """Whether more than half of a scan's bearings that can be judged (m,) were rejected."""
+    judged = 0
+    refused = 0
+    for i in range(normalised.shape[0]):
+        if not math.isnan(normalised[i]):
+            judged += 1
+            if not accepted[i]:
+                refused += 1
+    return 2 * refused > judged

@@ -19,6 +19,7 @@ from localization.logs import (
     interpolated,
     residuals,
     scans,
+    unknown_between,
 )
 from tests.localization.logs_made import LANDMARKS, driven_log, standing_log
 
@@ -57,8 +58,24 @@ def test_odometry_is_summed_as_steps():
     assert not driven_between(np.empty((0, 3)), np.ones(3))[0].any()
 
 
+def test_motion_over_gaps_of_the_odometry_is_unknown_and_not_counted():
+    odometry = np.array([[0.0, 1.0, 0.5], [1.0, 1.0, 0.5], [9.0, 2.0, 0.0], [10.0, 2.0, 0.0]])
+    times = np.array([-5.0, 0.0, 1.0, 2.0, 5.0, 9.0, 9.5, 10.0, 20.0])
+    distance, turn = driven_between(odometry, times)
+    np.testing.assert_allclose(distance, [0, 0, 1, 1, 1, 1, 2, 3, 3])
+    np.testing.assert_allclose(turn, [0, 0, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5])
+    np.testing.assert_allclose(unknown_between(odometry, times), [0, 5, 5, 6, 9, 13, 13, 13, 23])
+    np.testing.assert_allclose(driven_between(odometry, times, max_gap=20.0)[0][-1], 9 + 2 + 20)
+    assert not unknown_between(odometry, times, max_gap=20.0).any()
+    assert len(unknown_between(odometry, np.empty(0))) == len(driven_between(odometry, np.empty(0))[0]) == 0
+    # A robot whose odometry is silent may be anywhere: its scans are not pooled.
+    silent = [[0.0, 0.0, 0.0], [9.0, 0.0, 0.0]]
+    time, landmark = [1.0, 1.0, 1.2, 1.4], [0, 1, 2, 0]
+    assert [list(s) for s in scans(small_log(time, landmark, odometry=silent))] == [[0, 1], [2], [3]]
+
+
 def test_scans_hold_what_was_seen_from_one_place():
-    still, driving = [[0.0, 0.0, 0.0], [9.0, 0.0, 0.0]], [[0.0, 1.0, 0.0], [9.0, 1.0, 0.0]]
+    still, driving = ([[float(t), speed, 0.0] for t in range(10)] for speed in (0.0, 1.0))
     time, landmark = [1.0, 1.0, 1.2, 1.4, 1.6, 3.0], [0, 1, 2, 0, 3, 4]
     assert [list(s) for s in scans(small_log(time, landmark, odometry=still))] == [[0, 1, 2], [4], [5]]
     assert [list(s) for s in scans(small_log(time, landmark, odometry=driving))] == [

@@ -91,7 +91,7 @@ def test_a_log_is_its_steps_one_after_the_other(rng):
     normalised, accepted = np.empty(11), np.empty(11, dtype=np.bool_)
     ekf.filter_log(
         start.copy(), P_start.copy(), d, w, NOISE, scan_step, offsets, z, places, variances, survey, 50.0,
-        out_mean, out_P, normalised, accepted,
+        0, np.zeros(4, dtype=np.bool_), 0, 0, out_mean, out_P, normalised, accepted,
     )  # fmt: skip
     mean, P, t = start.copy(), P_start.copy(), 0
     for s in range(4):
