@@ -12,9 +12,15 @@ from planner.cost_space import CostSpace
 from planner.kernels.any_angle import pull_string, relax, subdivide
 
 _WINDOW = 64
+# Every so many points of a path on the grid are enough to begin with, each seen from so many others.
+_EVERY, _FIRST_WINDOW = 4, 32
 # No place costs less per metre.
 _LOWEST_RATE = 1.0
+# Distances of the points that are moved, in cells, and those after which the string is pulled again.
 _SPACINGS_CELLS = (64, 32, 16, 8, 4, 2)
+# No finer than this, m, where cells are small.
+_FINEST_M = 0.2
+_PULL_AFTER = (32,)
 _MAX_SWEEPS = 40
 _MAX_PULLS = 6
 
@@ -67,14 +73,21 @@ def shorten(
                 return
 
     cell = cost_space.frame.resolution
+    if len(p) > 2 * _EVERY:
+        some = np.append(np.arange(0, len(p) - 1, _EVERY), len(p) - 1)
+        keep(pull_string(p[some], _FIRST_WINDOW, _LOWEST_RATE, *cost_space.kernel_args))
     pull()
     for spacing in _SPACINGS_CELLS:
-        if late():
+        if late() or (spacing * cell < 0.99 * _FINEST_M and spacing < _SPACINGS_CELLS[1]):
             break
         fine = subdivide(best, spacing * cell)
         relax(fine, 0.25 * spacing * cell, cell / 16.0, _MAX_SWEEPS, *cost_space.kernel_args)
-        keep(fine)
-        pull()
+        if spacing in _PULL_AFTER:
+            keep(fine)
+            pull()
+        elif cost_space.line_cost(fine) < best_cost:
+            best, best_cost = fine, cost_space.line_cost(fine)
+    pull()
     return best, best_cost
 
 

@@ -14,12 +14,15 @@ from localization import covariance as cov
 from localization.uncertainty_field import UncertaintyField
 from maps.arrays import BoolArray, FloatArray, frozen
 from maps.clearance import ClearanceIndex
+from planner.background import Background, Keep, Make
 from planner.cost_space import cost_space_for
 from planner.cost_to_go import CostToGo, GridGraph, Place
 from planner.extras import NO_EXTRAS, Extras, cost_factors, forbidden_cells, judged_covariance
+from planner.pair_search import GridPath, InformedCells, PairSearch
+from planner.pivots import COUNT, Pivots
 from planner.risk import cell_probabilities
 
-#: Memory for graphs and for costs to go, bytes each.
+#: Memory for graphs, for costs to go and for pivots, bytes each.
 CACHE_BYTES = 256_000_000
 
 T = TypeVar("T")
@@ -61,7 +64,7 @@ class PlanningContext:
     field
         The uncertainty field; its frame is the planning grid.
     cache_bytes
-        Memory for the graphs and, as much again, for the costs to go, bytes.
+        Memory for the graphs and, as much again each, for costs to go and for pivots, bytes.
     """
 
     def __init__(self, field: UncertaintyField, *, cache_bytes: int = CACHE_BYTES) -> None:
@@ -75,6 +78,11 @@ class PlanningContext:
         self._lock = threading.Lock()
         self._graphs = _Cache(cache_bytes)
         self._costs = _Cache(cache_bytes)
+        self._pivots = _Cache(cache_bytes)
+        self._pairs = PairSearch()
+        self._limit = cache_bytes
+        #: Makes pivots and costs to go while others plan.
+        self.background = Background(self)
 
     def graph(
         self,
@@ -168,6 +176,88 @@ class PlanningContext:
             return found, found.nbytes if found.is_complete else -1
 
         return self._cached(self._costs, (id(graph), goal), build, lambda found: found.graph is graph)
+
+    def path(
+        self, graph: GridGraph, start: Place, goal: Place, *, stop: npt.NDArray[np.uint8] | None = None
+    ) -> GridPath:
+        """Cheapest grid path: the same whether costs to the goal and pivots are known yet or not.
+
+        From the second search of a graph on, its pivots are made in the background, and the costs to a goal
+        when that is asked for the second time.
+
+        Parameters
+        ----------
+        graph
+            From :meth:`graph`.
+        start, goal
+            (x, y) in W, m.
+        stop
+            Shape (1,); another thread sets it to end the search early.
+        """
+        known = self._known_costs(graph, goal)
+        if known is not None:
+            return GridPath(*known.path_from(start))
+        pivots = self._known_pivots(graph)
+        found = self._pairs.path(graph, start, goal, pivots=pivots, stop=stop)
+        if self.background.is_again(id(graph)) and pivots is None:
+            self.background.add(id(graph), *self._pivots_of(graph))
+        if self.background.is_again((id(graph), goal)):
+            self.background.add(
+                (id(graph), goal), lambda flag: graph.costs_to(goal, stop=flag), PlanningContext._keep_costs
+            )
+        return found
+
+    def informed_cells(
+        self,
+        graph: GridGraph,
+        start: Place,
+        goal: Place,
+        limit: float,
+        *,
+        stop: npt.NDArray[np.uint8] | None = None,
+    ) -> InformedCells | None:
+        """Cells through which a grid path of at most ``limit`` leads; None when the search was stopped."""
+        return self._pairs.informed_cells(
+            graph,
+            start,
+            goal,
+            limit,
+            to_go=self._known_costs(graph, goal),
+            pivots=self._known_pivots(graph),
+            stop=stop,
+        )
+
+    def prepare(self, graph: GridGraph) -> None:
+        """Make the pivots of a graph now rather than in the background; nothing if they are at hand."""
+        if self._known_pivots(graph) is None:
+            make, keep = self._pivots_of(graph)
+            keep(self, make(np.zeros(1, dtype=np.uint8)))
+
+    def _pivots_of(self, graph: GridGraph) -> tuple[Make, Keep]:
+        # Those of two graphs fit: of the question, and of the shortest route beside it.
+        count = min(COUNT, self._limit // (4 * len(graph.half)))
+
+        def keep(owner: PlanningContext, pivots: Pivots | None) -> None:
+            if pivots is not None:
+                with owner._lock:
+                    owner._pivots.put(id(graph), (graph, pivots), pivots.nbytes)
+
+        return lambda flag: Pivots.build(graph, count=count, stop=flag), keep
+
+    def _known_pivots(self, graph: GridGraph) -> Pivots | None:
+        with self._lock:
+            known: tuple[GridGraph, Pivots] | None = self._pivots.get(id(graph))  # type: ignore[assignment]
+        return known[1] if known is not None and known[0] is graph else None
+
+    def _known_costs(self, graph: GridGraph, goal: Place) -> CostToGo | None:
+        with self._lock:
+            known = self._costs.get((id(graph), goal))
+        return known if isinstance(known, CostToGo) and known.graph is graph else None
+
+    def _keep_costs(self, found: CostToGo) -> None:
+        if found.is_complete:
+            with self._lock:
+                self._costs.put((id(found.graph), found.goal), found, found.nbytes)
 
     def _cached(
         self,

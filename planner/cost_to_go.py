@@ -90,6 +90,43 @@ class GridGraph:
         ok = np.isfinite(costs)
         return self.index(rows[ok], cols[ok]), costs[ok]
 
+    def trace(
+        self,
+        padded: FloatArray,
+        start: tuple[Place, IntArray, FloatArray],
+        goal: tuple[Place, IntArray, FloatArray],
+    ) -> tuple[float, FloatArray | None]:
+        """Cheapest path from a place down costs to a goal.
+
+        Parameters
+        ----------
+        padded
+            Shape ((ny + 2)(nx + 2),): exact costs to the goal wherever a cheapest path may lead.
+        start, goal
+            (x, y) in W, m, and what :meth:`connect` gave for it.
+
+        Returns
+        -------
+        cost, points
+            Exact cost, and shape (K, 2), W, m: the start, cell centres, the goal; inf and None when there
+            is no path.
+        """
+        place, cells, costs = start
+        totals = costs + padded[cells]
+        if len(cells) == 0 or not math.isfinite(totals.min()):
+            return math.inf, None
+        best = int(np.argmin(totals))
+        seeds, seed_costs = frozen(goal[1], np.int64), frozen(goal[2])
+        walked = walk_back(self.half, self.width, padded, int(cells[best]), seeds, seed_costs)
+        points = np.concatenate([[place], self.centres(walked), [goal[0]]])
+        moved = np.hypot(*np.diff(points, axis=0).T) > 1e-12
+        keep = np.concatenate([[True], moved])
+        keep[-1] = True
+        if len(points) > 2 and not moved[-1]:
+            keep[-2] = False  # the goal itself rather than the centre that it equals
+        keep[0] = True
+        return float(totals[best]), points[keep]
+
     def costs_to(
         self, goal: Place, *, limit: float = math.inf, stop: npt.NDArray[np.uint8] | None = None
     ) -> CostToGo:
@@ -162,22 +199,7 @@ class CostToGo:
             is no path.
         """
         cells, costs = self.graph.connect(start)
-        totals = costs + self.padded[cells]
-        if len(cells) == 0 or not math.isfinite(totals.min()):
-            return math.inf, None
-        best = int(np.argmin(totals))
-        graph = self.graph
-        walked = walk_back(
-            graph.half, graph.width, self.padded, int(cells[best]), self.seeds, self.seed_costs
-        )
-        points = np.concatenate([[start], graph.centres(walked), [self.goal]])
-        moved = np.hypot(*np.diff(points, axis=0).T) > 1e-12
-        keep = np.concatenate([[True], moved])
-        keep[-1] = True
-        if len(points) > 2 and not moved[-1]:
-            keep[-2] = False  # the goal itself rather than the centre that it equals
-        keep[0] = True
-        return float(totals[best]), points[keep]
+        return self.graph.trace(self.padded, (start, cells, costs), (self.goal, self.seeds, self.seed_costs))
 
 
 def smallest_bound(graph: GridGraph, r95: FloatArray, start: Place, goal: Place) -> float:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from maps.arrays import FloatArray
 from planner.clock import Clock
 from planner.context import PlanningContext
-from planner.cost_to_go import CostToGo, GridGraph, smallest_bound
+from planner.cost_to_go import GridGraph, smallest_bound
 from planner.problem import PlanningProblem
 
 # Cost per metre without a fix where that is forbidden and cannot be avoided: as little of it as possible.
@@ -26,7 +26,7 @@ class Way:
 
     Attributes
     ----------
-    graph, to_go
+    graph
         Where it was searched.
     points
         Shape (K, 2), W, m, from start to goal.
@@ -36,14 +36,16 @@ class Way:
         Bounds that cannot be kept: name of the constraint and the smallest value for which there is a path.
     is_blind_forced
         Whether it goes without a fix although that was forbidden.
+    is_complete
+        Whether the search was finished, so that no path is cheaper.
     """
 
     graph: GridGraph
-    to_go: CostToGo
     points: FloatArray
     grid_cost: float | None
     relaxed: tuple[tuple[str, float], ...] = ()
     is_blind_forced: bool = False
+    is_complete: bool = True
 
     @property
     def bound(self) -> float | None:
@@ -165,14 +167,14 @@ class _Search:
         """Optimal path on the grid under bounds."""
         problem, context = self.problem, self.context
         graph = self._graph(bounds)
-        to_go = context.costs_to(graph, problem.goal, stop=self.stop)
-        cost, points = to_go.path_from(problem.start)
+        found = context.path(graph, problem.start, problem.goal, stop=self.stop)
+        cost, points = found.cost, found.points
         line = np.array([problem.start, problem.goal])
         straight = graph.cost_space.line_cost(line)
         grid_cost = cost if math.isfinite(cost) else None
         if math.isfinite(straight) and straight <= cost:
             points = line
-        return None if points is None else Way(graph, to_go, points, grid_cost)
+        return None if points is None else Way(graph, points, grid_cost, is_complete=found.is_complete)
 
     def _graph(self, bounds: Bounds) -> GridGraph:
         return self.context.graph(

@@ -58,12 +58,18 @@ def way_with_room(way: Way, start: Place, goal: Place, *, deadline_at: float) ->
 
 def hugs_forbidden(points: FloatArray, space: CostSpace) -> bool:
     """Whether a path (K, 2) runs for more than ``HUGGING_M`` through cells beside free but forbidden ones."""
-    beside = _beside_forbidden(space)
-    if len(points) < 2 or not beside.any():
+    if len(points) < 2:
         return False
     pieces = polyline_pieces(space.frame.to_grid(points), space.rate)
     rows, cols = pieces[:, :2].astype(np.int64).T
-    return float(pieces[beside[rows, cols], 4].sum()) * space.frame.resolution > HUGGING_M
+    ny, nx = space.frame.shape
+    beside = np.zeros(len(pieces), dtype=np.bool_)
+    # Only the cells along the path are looked at: there may be millions of others.
+    for row_step in (-1, 0, 1):
+        for col_step in (-1, 0, 1):
+            r, c = np.clip(rows + row_step, 0, ny - 1), np.clip(cols + col_step, 0, nx - 1)
+            beside |= np.isinf(space.rate[r, c]) & (space.centre_clearance[r, c] > 0)
+    return float(pieces[beside, 4].sum()) * space.frame.resolution > HUGGING_M
 
 
 def _beside_forbidden(space: CostSpace) -> BoolArray:

@@ -15,7 +15,9 @@ from planner.clock import Clock
 from planner.context import PlanningContext
 from planner.ends import check_ends
 from planner.example_context import example_context
+from planner.extras import Extras
 from planner.grid_search import Way, find_shortest, find_way
+from planner.informed import sampled_from
 from planner.margin import hugs_forbidden, way_with_room
 from planner.motion import Motion, least_limit, move_along, stops_in_words
 from planner.narrow import is_disconnected, refined
@@ -31,7 +33,6 @@ Report = Callable[[PlanResult], None]
 # gains a percent; without smoothing the robot stops at every corner.
 _ROUTE_SHARES = (0.35, 0.85)
 _SHORTEST_SHARES = (0.6, 1.0)
-_GAIN = 1e-9
 # Where a smoothed path passes closer than the centres of its cells, the grid is asked for this share of the
 # collision probability.
 _RISK_SHARES = (0.4, 0.1)
@@ -101,7 +102,7 @@ def plan(problem: PlanningProblem, context: PlanningContext, *, report: Report |
     route = _finish(way, problem, context, clock, work, tell)
     kept, route = _within_risk(way, route, problem, context, clock, work)
     clock.seconds["to_final_path"] = clock.elapsed
-    shortest = _shortest(problem, context, clock, work, kept, route)
+    shortest = _shortest(problem, context, clock, work, route)
     return _result(problem, kept, route, shortest, work, clock, context)
 
 
@@ -181,8 +182,10 @@ def _finish(
         tell(points)
     if problem.refine > 0 and len(points) > 2 and not clock.is_over(sampling_end):
         with clock.stage("ompl"):
-            sampled, sampled_cost = _sample(points, cost, way, problem, clock, sampling_end)
-        if sampled_cost < cost * (1.0 - _GAIN):
+            sampled, sampled_cost = sampled_from(
+                points, cost, way, problem, context, clock=clock, share=sampling_end
+            )
+        if sampled_cost < cost:
             points, cost = sampled, sampled_cost
             work.stages.append("ompl")
             tell(points)
@@ -243,41 +246,15 @@ def _move(points: FloatArray, cost: float, way: Way, problem: PlanningProblem, d
     )
 
 
-def _sample(
-    points: FloatArray, cost: float, way: Way, problem: PlanningProblem, clock: Clock, share: float
-) -> tuple[FloatArray, float]:
-    space = way.graph.cost_space
-    with clock.stop_flag() as stop:
-        # Moves are symmetric: costs from the start are costs to it.
-        limit = cost * sampling.OCTILE_EXCESS
-        so_far = way.graph.costs_to(problem.start, limit=limit, stop=stop)
-    refined, _ = sampling.refine_with_ompl(
-        space,
-        problem.start,
-        problem.goal,
-        points,
-        cost_to_go=way.to_go.cost,
-        cost_so_far=so_far.cost if so_far.is_complete else None,
-        samples=problem.refine,
-        deadline_at=clock.at(share),
-        seed=problem.seed,
-    )
-    if space.line_cost(refined) >= cost * (1.0 - _GAIN):
-        return points, cost
-    return shorten(refined, space, deadline_at=clock.at(share))
-
-
 def _shortest(
     problem: PlanningProblem,
     context: PlanningContext,
     clock: Clock,
     work: _Work,
-    way: Way,
     route: Route,
 ) -> Route | None:
     """The shortest route for the same robot, whatever its uncertainty."""
-    rates = way.graph.cost_space.rate[np.isfinite(way.graph.cost_space.rate)]
-    if problem.max_r95 is None and problem.blind_r95 is not None and bool((rates == 1.0).all()):
+    if _asks_for_length(problem):
         return route
     if clock.is_over():
         work.warnings.append("The deadline came before the shortest route was searched.")
@@ -290,10 +267,19 @@ def _shortest(
         other = _Work("shortest route", _SHORTEST_SHARES)
         quiet = Clock(problem.deadline)
         quiet.began = clock.began
-        shortest = _finish(found, problem, context, quiet, other)
+        # Where only length counts, a pulled string is taut: samples would not shorten it.
+        shortest = _finish(found, replace(problem, refine=0), context, quiet, other)
     work.warnings.extend(other.warnings)
     # The route itself is shorter where its smoothing went further.
     return route if route.summary.length < shortest.summary.length else shortest
+
+
+def _asks_for_length(problem: PlanningProblem) -> bool:
+    """Whether the question is the one for the shortest route: length counts, nothing else is asked."""
+    is_free = problem.max_r95 is None and problem.blind_r95 is not None and problem.objective != "minimax"
+    return (
+        is_free and problem.effective_weight == 0.0 and problem.extras == Extras(avoid=problem.extras.avoid)
+    )
 
 
 def _asked_cost(points: FloatArray, problem: PlanningProblem, context: PlanningContext) -> float:
@@ -337,7 +323,7 @@ def _result(
     unmet = unmet_bounds(problem, way, route, context)
     if unmet:
         status = PlanStatus.RISK_UNMET
-    elif way.to_go.is_complete and way.grid_cost is not None:
+    elif way.is_complete and way.grid_cost is not None:
         status = PlanStatus.EXACT
     else:
         status = PlanStatus.APPROXIMATE

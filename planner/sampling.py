@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from maps.arrays import FloatArray
 from planner.cost_space import CostSpace
 from planner.example_space import example_space
 from planner.kernels.line_cost import motion_cost
-from planner.kernels.sampling import through_cost
+from planner.pair_search import InformedCells
 from planner.timing import distinct_points
 
 #: An 8-connected path costs at most this many times what the best path among the same cells does.
@@ -30,6 +30,9 @@ _REWIRE = 0.3
 # Draws of cells by u ** this, cells sorted by what a path through them costs: cheap places come more often.
 _GREED = 2.0
 _CHUNK = 1024
+# The cost is looked at after so many samples; a gain below this share counts as none.
+_LOOK_EVERY = 8
+_LEAST_GAIN = 1e-4
 _LEVELS = 65_000
 
 
@@ -39,11 +42,11 @@ def refine_with_ompl(
     goal: tuple[float, float],
     warm_path: npt.ArrayLike,
     *,
-    cost_to_go: FloatArray,
-    cost_so_far: FloatArray | None = None,
+    cells: InformedCells,
     samples: int,
     deadline_at: float,
     seed: int,
+    patience: int | None = None,
 ) -> tuple[FloatArray, dict[str, float]]:
     """Look for a cheaper path with RRT* over the plane.
 
@@ -59,23 +62,23 @@ def refine_with_ompl(
         (x, y) in W, m: the ends of the warm path.
     warm_path
         Shape (K, 2), W, m: a valid path.
-    cost_to_go, cost_so_far
-        Shape (ny, nx): cost of the best grid path from a cell to the goal and from the start to a cell, inf
-        where there is none. Without the latter, distance times the smallest rate stands in.
+    cells
+        Through which a cheaper path may lead.
     samples
-        How many samples are drawn; 0 returns the warm path.
+        How many samples are drawn at most; 0 returns the warm path.
     deadline_at
         ``time.monotonic()`` at which the search stops, s.
     seed
         Of the samples.
+    patience
+        The search ends after so many samples in a row that gained next to nothing; None: never.
 
     Returns
     -------
     path
         Shape (K, 2), W, m: the cheaper of the path found and the warm path, by ``CostSpace.line_cost``.
     stats
-        ``samples`` drawn, ``cost``, ``warm_cost``, ``informed_share`` (cells drawn from, of those the grid
-        search reaches), ``seconds``.
+        ``samples`` drawn, ``cost``, ``warm_cost``, ``cells`` drawn from, ``seconds``.
 
     Raises
     ------
@@ -89,25 +92,19 @@ def refine_with_ompl(
     began = time.monotonic()
     warm = distinct_points(warm_path)
     warm_cost = cost_space.line_cost(warm)
-    stats = {"samples": 0.0, "warm_cost": warm_cost, "cost": warm_cost, "informed_share": 0.0, "seconds": 0.0}
+    stats = {"samples": 0.0, "warm_cost": warm_cost, "cost": warm_cost, "cells": 0.0, "seconds": 0.0}
     if samples <= 0 or len(warm) < 2 or began >= deadline_at or not math.isfinite(warm_cost):
         return warm, stats
-    through = np.empty(cost_space.frame.shape)
-    places = np.array([*start, 0.0 if cost_so_far is None else 1.0])
-    so_far = cost_to_go if cost_so_far is None else cost_so_far
-    least = float(np.min(cost_space.rate))
-    through_cost(cost_to_go, so_far, places, least, cost_space.transform, through)
-    reached = int(np.count_nonzero(np.isfinite(through)))
-    limit = OCTILE_EXCESS * warm_cost
-    rows, cols = np.nonzero(through <= limit)
-    if len(rows) == 0:
+    if len(cells.through) == 0:
         return warm, stats
     # Small integers are sorted ten times faster than floats.
-    level = (through[rows, cols] * (_LEVELS / limit)).astype(np.uint16)
+    least = float(cells.through.min())
+    span = max(float(cells.through.max()) - least, 1e-300)
+    level = ((cells.through - least) * (_LEVELS / span)).astype(np.uint16)
     order = np.argsort(level, kind="stable")
-    stats["informed_share"] = len(rows) / reached
-    drawn = _draws(cost_space, rows[order], cols[order], samples, np.random.default_rng(seed))
-    path, used = _grow(cost_space, start, goal, warm, drawn, deadline_at)
+    stats["cells"] = float(len(order))
+    drawn = _draws(cost_space, cells.rows[order], cells.cols[order], samples, np.random.default_rng(seed))
+    path, used = _grow(cost_space, start, goal, warm, drawn, _Patience(warm_cost, patience, deadline_at))
     stats["samples"] = float(used)
     if path is not None:
         cost = cost_space.line_cost(path)
@@ -120,14 +117,13 @@ def refine_with_ompl(
 def warm_up() -> None:
     """Compile or load the kernels and start OMPL, by one small search."""
     space = example_space()
-    ways = np.full(space.frame.shape, 3.0)
+    rows, cols = np.nonzero(space.passable)
     refine_with_ompl(
         space,
         (0.5, 0.5),
         (2.5, 2.5),
         [[0.5, 0.5], [2.5, 0.5], [2.5, 2.5]],
-        cost_to_go=ways,
-        cost_so_far=ways,
+        cells=InformedCells(rows, cols, np.full(len(rows), 6.0)),
         samples=20,
         deadline_at=math.inf,
         seed=0,
@@ -164,7 +160,7 @@ def _grow(
     goal: tuple[float, float],
     warm: FloatArray,
     drawn: Iterator[tuple[float, float]],
-    deadline_at: float,
+    patience: _Patience,
 ) -> tuple[FloatArray | None, int]:
     # The path of the tree after all draws or at the deadline, and how many draws were used.
     ou.setLogLevel(ou.LOG_NONE)
@@ -188,13 +184,35 @@ def _grow(
     planner.setRange(_RANGE_M)
     planner.setRewireFactor(_REWIRE)
     planner.setup()
-    stop = ob.PlannerTerminationCondition(lambda: feed.is_empty or time.monotonic() >= deadline_at)
+    stop = ob.PlannerTerminationCondition(
+        lambda: feed.is_empty or patience.is_over(feed.n_drawn, lambda: float(planner.bestCost().value()))
+    )
     status = planner.solve(stop)
     used = feed.n_drawn
     if status.getStatus() != ob.PlannerStatus.EXACT_SOLUTION:
         return None, used
     states = question.getSolutionPath().getStates()
     return distinct_points([(s[0], s[1]) for s in states]), used
+
+
+class _Patience:
+    """Ends a search at its deadline, or when many samples in a row have gained next to nothing."""
+
+    def __init__(self, cost: float, samples: int | None, deadline_at: float) -> None:
+        self._best = cost
+        self._samples = math.inf if samples is None else samples
+        self._deadline_at = deadline_at
+        self._last = 0
+        self._next = _LOOK_EVERY
+
+    def is_over(self, n_drawn: int, cost: Callable[[], float]) -> bool:
+        """Whether to stop after so many samples; ``cost`` tells the best so far."""
+        if n_drawn >= self._next:
+            self._next = n_drawn + _LOOK_EVERY
+            now = cost()
+            if now < self._best * (1.0 - _LEAST_GAIN):
+                self._best, self._last = now, n_drawn
+        return n_drawn - self._last >= self._samples or time.monotonic() >= self._deadline_at
 
 
 def _bounds(space: CostSpace) -> Any:

@@ -107,10 +107,12 @@ def relax(
 ):
     """Move points (K, 2) in place, each across and along the way, while the cost falls; ends stay.
 
-    The step starts at ``step`` m and is halved when a sweep finds nothing, down to ``smallest_step``.
+    The step starts at ``step`` m and is halved when a sweep finds nothing, down to ``smallest_step``. Points
+    are tried again at the same step only when they or a neighbour moved.
     """
     n = points.shape[0]
     costs = np.empty(n - 1)
+    settled = np.zeros(n, np.bool_)
     for k in range(n - 1):
         costs[k] = motion_cost(
             points[k, 0], points[k, 1], points[k + 1, 0], points[k + 1, 1], rate, transform, need,
@@ -119,6 +121,9 @@ def relax(
     for _ in range(max_sweeps):
         moved = False
         for k in range(1, n - 1):
+            if settled[k]:
+                continue
+            settled[k] = True
             tx = points[k + 1, 0] - points[k - 1, 0]
             ty = points[k + 1, 1] - points[k - 1, 1]
             length = math.hypot(tx, ty)
@@ -149,9 +154,11 @@ def relax(
                     points[k, 1] = y
                     costs[k - 1] = before
                     costs[k] = after
+                    settled[k - 1] = settled[k] = settled[k + 1] = False
                     moved = True
                     break
         if not moved:
+            settled[:] = False
             step *= 0.5
             if step < smallest_step:
                 break

@@ -35,7 +35,7 @@ def test_with_nothing_in_the_way_it_is_the_straight_line():
     way, shortest = search(lambda x, y: 0.01 + 0 * x)
     for w in (way, shortest):
         np.testing.assert_array_equal(w.points, [START, GOAL])
-        assert w.to_go.is_complete
+        assert w.is_complete
     assert shortest.grid_cost == pytest.approx(9.75)
     assert way.grid_cost == pytest.approx(9.75 * (1 + 4 * 0.01 * K))
     assert way.bound is None

@@ -10,8 +10,10 @@ import time
 import numpy as np
 import pytest
 
+from planner.any_angle import shorten
 from planner.errors import InvalidProblem
-from planner.sampling import refine_with_ompl, warm_up
+from planner.pair_search import InformedCells
+from planner.sampling import OCTILE_EXCESS, refine_with_ompl, warm_up
 from tests.paths import cost_from, grid_path, pulled, space_of
 from tests.worlds import world_from_ascii
 
@@ -41,32 +43,39 @@ def hall():
     return space, start, goal, cost_from(space, goal)[0], cost_from(space, start)[0]
 
 
-def refine(hall, warm, *, samples=600, seed=0, seconds=60.0, both=True):
-    space, start, goal, to_go, so_far = hall
+def cells_between(hall, warm):
+    """Cells through which a grid path as dear as the warm path leads, with what that costs."""
+    space, _, _, to_go, so_far = hall
+    through = to_go + so_far
+    rows, cols = np.nonzero(through <= OCTILE_EXCESS * space.line_cost(warm))
+    return InformedCells(rows, cols, through[rows, cols])
+
+
+def refine(hall, warm, *, samples=600, seed=0, seconds=60.0, patience=None):
+    space, start, goal, *_ = hall
     return refine_with_ompl(
         space,
         start,
         goal,
         warm,
-        cost_to_go=to_go,
-        cost_so_far=so_far if both else None,
+        cells=cells_between(hall, warm),
         samples=samples,
         deadline_at=time.monotonic() + seconds,
         seed=seed,
+        patience=patience,
     )
 
 
-@pytest.mark.parametrize("both", [True, False])
-def test_a_grid_path_gets_cheaper_by_percents(hall, both):
+def test_a_grid_path_gets_cheaper_by_percents(hall):
     space, start, goal, *_ = hall
     warm = grid_path(space, start, goal)
-    path, stats = refine(hall, warm, samples=1500, both=both)
+    path, stats = refine(hall, warm, samples=1500)
     cost = space.line_cost(path)
     assert cost < 0.985 * space.line_cost(warm)
     assert stats["cost"] == cost
     assert stats["warm_cost"] == space.line_cost(warm)
     assert stats["samples"] == 1500
-    assert 0 < stats["informed_share"] <= 1
+    assert 0 < stats["cells"] < space.passable.sum()
     np.testing.assert_allclose(path[[0, -1]], warm[[0, -1]])
 
 
@@ -108,8 +117,9 @@ def test_the_answer_does_not_depend_on_ompls_own_seed():
     code = (
         "import sys; from ompl import util; util.RNG.setSeed(int(sys.argv[1]));"
         "import hashlib, math, numpy as np; from planner.example_space import example_space as e;"
-        "from planner.sampling import refine_with_ompl as r; w = np.full((12, 12), 3.0);"
-        "p, s = r(e(), (.5, .5), (2.5, 2.5), [[.5, .5], [2.5, .5], [2.5, 2.5]], cost_to_go=w, cost_so_far=w,"
+        "from planner.pair_search import InformedCells as I; from planner.sampling import refine_with_ompl as r;"
+        "c = I(*np.nonzero(e().passable), np.full(e().passable.sum(), 6.0));"
+        "p, s = r(e(), (.5, .5), (2.5, 2.5), [[.5, .5], [2.5, .5], [2.5, 2.5]], cells=c,"
         "samples=300, deadline_at=math.inf, seed=5); print(hashlib.sha256(p.tobytes()).hexdigest(), len(p))"
     )
     runs = [
@@ -149,9 +159,7 @@ def test_nothing_to_do_returns_the_warm_path(hall):
 
 def test_no_points():
     with pytest.raises(InvalidProblem):
-        refine_with_ompl(
-            None, (0, 0), (1, 1), [], cost_to_go=np.zeros((1, 1)), samples=1, deadline_at=math.inf, seed=0
-        )
+        refine_with_ompl(None, (0, 0), (1, 1), [], cells=None, samples=1, deadline_at=math.inf, seed=0)
 
 
 def test_forbidden_cells_and_walls_are_kept_out(hall):
@@ -164,6 +172,20 @@ def test_forbidden_cells_and_walls_are_kept_out(hall):
     path, _ = refine((space, start, goal, cost_from(space, goal)[0], cost_from(space, start)[0]), warm)
     assert math.isfinite(space.line_cost(path))
     assert space.line_cost(path) < space.line_cost(warm)
+
+
+def test_without_gains_it_soon_gives_up(hall):
+    space, start, goal, *_ = hall
+    taut, _ = shorten(grid_path(space, start, goal), space)
+    _, impatient = refine(hall, taut, samples=3000, patience=64)
+    assert 64 <= impatient["samples"] < 1000
+    _, patient = refine(hall, taut, samples=600, patience=None)
+    assert patient["samples"] == 600
+    grid = grid_path(space, start, goal)
+    long, _ = refine(hall, grid, samples=3000, patience=64)
+    assert space.line_cost(long) < 0.99 * space.line_cost(grid)
+    again, _ = refine(hall, grid, samples=3000, patience=64)
+    np.testing.assert_array_equal(long, again)
 
 
 def test_warm_up_is_quick_the_second_time():
