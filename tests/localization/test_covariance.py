@@ -67,3 +67,30 @@ def test_ellipse_holds_95_percent(rng):
     errors = rng.multivariate_normal([0, 0], cov.as_matrix(covariance), 20_000)
     inside = np.einsum("ni,ij,nj->n", errors, np.linalg.inv(cov.as_matrix(covariance)), errors) <= cov.CHI2_95
     assert np.mean(inside) == pytest.approx(0.95, abs=0.005)
+
+
+IMPOSSIBLE = ([1.0, 2.0, 1.0], [-1.0, 0.0, 1.0], [-1.0, 0.0, -1.0], [1.0, 0.0, -1e-3], [0.0, 1.0, 0.0])
+
+
+@pytest.mark.parametrize("covariance", IMPOSSIBLE)
+def test_what_is_no_covariance_has_no_ellipse(covariance):
+    assert np.linalg.eigvalsh(cov.as_matrix(covariance))[0] < 0
+    for value in (cov.area95, cov.r95, cov.max_eigenvalue):
+        assert np.isnan(value(covariance))
+    assert np.isnan(cov.ellipse95(covariance)).all()
+    both = cov.ellipse95([covariance, [1.0, 0.0, 1.0]])
+    assert np.isfinite(both[1]).all()
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1.0, 1e6])
+def test_rounding_does_not_make_a_covariance_impossible(scale, rng):
+    # Flat ellipses in every direction: the determinant is zero up to rounding, on either side.
+    angle = rng.uniform(0, math.pi, 1000)
+    flat = scale * np.stack([np.cos(angle) ** 2, np.cos(angle) * np.sin(angle), np.sin(angle) ** 2], -1)
+    for dtype in (np.float64, np.float32):
+        c = flat.astype(dtype)
+        assert (cov.area95(c) >= 0).all()
+        np.testing.assert_allclose(cov.max_eigenvalue(c), scale, rtol=1e-6)
+        assert np.isfinite(cov.ellipse95(c)).all()
+    assert cov.area95([0.0, 0.0, 0.0]) == 0.0
+    assert cov.area95([math.inf, 0.0, math.inf]) == math.inf
