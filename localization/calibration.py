@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from localization.errors import CalibrationError
 from localization.logs import BearingLog, residuals
+from localization.residual_bins import ResidualBin, ResidualBins
 from localization.robust import (
     GATE_SIGMAS,
     KEPT_VARIANCE,
@@ -20,7 +21,13 @@ from localization.robust import (
     shares_of_variance,
     weighted_median,
 )
-from localization.sensors import OmnidirectionalSensor, PinholePanSensor
+from localization.sensors import (
+    CENTRE,
+    Mount,
+    OmnidirectionalSensor,
+    PinholeFixedSensor,
+    PinholePanSensor,
+)
 from maps.arrays import BoolArray, FloatArray, IntArray, frozen
 from maps.landmarks import LandmarkSet
 
@@ -39,17 +46,6 @@ class Interval:
     value: float
     low: float
     high: float
-
-
-@dataclass(frozen=True, slots=True)
-class ResidualBin:
-    """Residuals of sightings within one range of a quantity: mean and robust sigma, rad."""
-
-    low: float
-    high: float
-    n: int
-    bias: float
-    sigma: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,7 +73,7 @@ class BearingCalibration:
     min_range, max_range
         Of the sightings used, m.
     by_range, by_bearing
-        Residuals after removal of the bias, in bins of range (m) and bearing (rad).
+        Residuals after removal of the bias, in bins of range (m) and bearing (rad), each with intervals.
     """
 
     bias: Interval
@@ -119,13 +115,34 @@ class BearingCalibration:
         variance = self.variances(np.where(log.usable, r, 1.0), log.bearing)
         return np.asarray(log.usable & (x * x > GATE_SIGMAS**2 * variance))
 
-    def scanner(self) -> OmnidirectionalSensor:
-        """The omnidirectional sensor that the field takes: floor and column share as one constant sigma."""
-        sigma = math.hypot(self.floor.value, self.column_sigma.value)
-        return OmnidirectionalSensor(max(sigma, SIGMA_MIN), 0.0, self.max_range)
+    @property
+    def constant_sigma(self) -> float:
+        """Standard deviation of a bearing without the share of wrong places, on the axis, rad."""
+        return max(math.hypot(self.floor.value, self.column_sigma.value), SIGMA_MIN)
 
-    def camera(self, *, field_of_view: float, focal_px: float) -> PinholePanSensor:
-        """The camera that the field takes, the floor counted as part of its columns' sigma.
+    def scanner(self, *, mount: Mount = CENTRE) -> OmnidirectionalSensor:
+        """The omnidirectional sensor that the field takes.
+
+        The share that nothing reduces is its floor; what is left for its sigma is the column share, as if the
+        bearing were on the axis, and a millionth of a radian if there is none.
+        """
+        return OmnidirectionalSensor(
+            max(self.column_sigma.value, SIGMA_MIN),
+            self.min_range,
+            self.max_range,
+            bearing_floor=self.floor.value,
+            mount=mount,
+        )
+
+    def camera(
+        self,
+        *,
+        field_of_view: float,
+        focal_px: float,
+        kind: Literal["pinhole_pan", "pinhole_fixed"] = "pinhole_pan",
+        mount: Mount = CENTRE,
+    ) -> PinholePanSensor | PinholeFixedSensor:
+        """The camera that the field takes: columns and floor apart, as calibrated with ``camera=True``.
 
         Parameters
         ----------
@@ -133,10 +150,29 @@ class BearingCalibration:
             rad.
         focal_px
             Focal length, px.
+        kind
+            On a pan head that turns all around, or fixed.
+        mount
+            Where it sits on the robot.
+
+        Raises
+        ------
+        InvalidSensor
+            If a number is impossible.
+        CalibrationError
+            If the kind is unknown.
         """
-        sigma = math.hypot(self.floor.value, self.column_sigma.value)
-        return PinholePanSensor(
-            field_of_view, focal_px, max(sigma, SIGMA_MIN) * focal_px, max_range=self.max_range
+        if kind not in {"pinhole_pan", "pinhole_fixed"}:
+            raise CalibrationError(f"Camera kind is {kind!r}; use 'pinhole_pan' or 'pinhole_fixed'.")
+        make = PinholePanSensor if kind == "pinhole_pan" else PinholeFixedSensor
+        return make(
+            field_of_view,
+            focal_px,
+            max(self.column_sigma.value, SIGMA_MIN) * focal_px,
+            min_range=self.min_range,
+            max_range=self.max_range,
+            bearing_floor=self.floor.value,
+            mount=mount,
         )
 
     def landmarks(self, surveyed: LandmarkSet) -> LandmarkSet:
@@ -189,15 +225,23 @@ def calibrate_bearings(
         e[used], r[used], log.bearing[used], log.landmark[used], len(log.landmarks), per_landmark, camera
     )
     whole = _fit(data, np.ones(len(data.e)))
-    draws = block_bootstrap(
-        log.block[used], lambda weights: _fit(data, weights).numbers, rng=rng, n=n_bootstrap
-    )
+    x = data.e - whole.biases[data.landmark]
+    block = log.block[used]
+    edges = np.arange(-math.pi, math.pi + 1e-9, _BEARING_STEP)
+    by_range = ResidualBins(data.r, x, _RANGE_EDGES, block=block)
+    by_bearing = ResidualBins(data.bearing, x, edges.tolist(), block=block)
+    n_range = len(by_range.statistics(np.ones(len(x))))
+
+    def drawn(weights: FloatArray) -> FloatArray:
+        bins = (by_range.statistics(weights), by_bearing.statistics(weights))
+        return np.concatenate([_fit(data, weights).numbers, *bins])
+
+    draws = block_bootstrap(block, drawn, rng=rng, n=n_bootstrap)
     tail = 100 * (0.5 - level / 2)
-    low, high = np.percentile(draws, [tail, 100 - tail], axis=0)
+    n_numbers = len(whole.numbers)
+    low, high = np.percentile(draws[:, :n_numbers], [tail, 100 - tail], axis=0)
     values = [Interval(*map(float, v)) for v in zip(whole.numbers, low, high, strict=True)]
     inlier = whole.inlier
-    x = data.e - whole.biases[data.landmark]
-    edges = np.arange(-math.pi, math.pi + 1e-9, _BEARING_STEP)
     return BearingCalibration(
         values[0],
         whole.biases,
@@ -210,8 +254,8 @@ def calibrate_bearings(
         int(np.sum(~inlier)),
         float(data.r[inlier].min()),
         float(data.r[inlier].max()),
-        _bins(data.r, x, _RANGE_EDGES),
-        _bins(data.bearing, x, tuple(float(v) for v in edges)),
+        by_range.summary(draws[:, n_numbers : n_numbers + n_range], level=level),
+        by_bearing.summary(draws[:, n_numbers + n_range :], level=level),
     )
 
 
@@ -278,14 +322,3 @@ def _groups(data: _Data, weights: FloatArray) -> list[int]:
         return []
     count = np.bincount(data.landmark, weights, data.n_landmarks)
     return [int(k) for k in np.flatnonzero(count >= MIN_PER_LANDMARK)]
-
-
-def _bins(at: FloatArray, x: FloatArray, edges: tuple[float, ...]) -> tuple[ResidualBin, ...]:
-    out = []
-    for low, high in itertools.pairwise(edges):
-        mine = x[(at >= low) & (at < high)]
-        if len(mine) >= MIN_PER_LANDMARK:
-            middle = float(np.median(mine))
-            sigma = MAD_TO_SIGMA * float(np.median(np.abs(mine - middle)))
-            out.append(ResidualBin(low, high, len(mine), middle, sigma))
-    return tuple(out)

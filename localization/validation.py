@@ -243,7 +243,7 @@ def _filtered(
         PoseBelief.from_sigmas(log.reference[first], position=_START_SIGMA, heading=_START_SIGMA),
         float(log.time[first]),
         odometry=odometry.model,
-        bearing_sigma=_NO_BEARINGS if view == "odometry alone" else model.scanner().bearing_sigma,
+        bearing_sigma=_NO_BEARINGS if view == "odometry alone" else model.constant_sigma,
         survey_sigma=model.range_sigma.value,
         distance_scale=odometry.distance_scale,
         turn_scale=odometry.turn_scale,

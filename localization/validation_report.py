@@ -11,6 +11,7 @@ from localization.calibration import Interval
 from localization.fix_study import FixSummary
 from localization.log_filter import Recovery
 from localization.logs import MAX_ODOMETRY_GAP_S, Sighting
+from localization.residual_bins import ResidualBin
 from localization.robust import GATE_SIGMAS
 from localization.validation import GATE, ODOMETRY_WINDOW_S, WINDOWS_S, FilterStudy, LogCase, LogStudy, study
 
@@ -118,7 +119,7 @@ def _sensors(studies: Sequence[LogStudy]) -> str:
 
 Bias and sigma of a bearing, with 95 % intervals by bootstrap over stretches of the log. The variance is
 floor² + (range term / distance)²; slope is the change of the residual over the bearing; lag is how late the
-time stamps are, by the residuals over the turn rate. The field takes the floor as `bearing_sigma` and the
+time stamps are, by the residuals over the turn rate. The field takes the floor as `bearing_floor` and the
 range term as the survey's sigma. Residuals beyond {GATE_SIGMAS:g} σ count as outliers.
 
 """
@@ -134,10 +135,13 @@ def _dependence(studies: Sequence[LogStudy]) -> str:
     rows = []
     for s in studies:
         found = {(b.low, b.high): b for b in s.calibration.by_range}
-        rows.append([s.case.log.name, *(_degrees(found[e].sigma) if e in found else "-" for e in edges)])
-    text = "## Dependence on range and bearing\n\nRobust sigma of a bearing by distance, °.\n\n" + _table(
-        head, rows
-    )
+        rows.append([s.case.log.name, *(_sigma(found[e]) if e in found else "-" for e in edges)])
+    text = """## Dependence on range and bearing
+
+Robust sigma of a bearing by distance, °, with 95 % intervals by bootstrap over stretches of the log.
+
+"""
+    text += _table(head, rows)
     rows = []
     for s in studies:
         bins = s.calibration.by_bearing
@@ -146,8 +150,8 @@ def _dependence(studies: Sequence[LogStudy]) -> str:
             [
                 s.case.log.name,
                 str(len(bins)),
-                f"{_degrees(low.bias)} at {_middle(low.low, low.high)}°",
-                f"{_degrees(high.bias)} at {_middle(high.low, high.high)}°",
+                f"{_bias(low)} at {_middle(low.low, low.high)}°",
+                f"{_bias(high)} at {_middle(high.low, high.high)}°",
                 f"{_degrees(min(b.sigma for b in bins))} to {_degrees(max(b.sigma for b in bins))}",
             ]
         )
@@ -157,6 +161,18 @@ def _dependence(studies: Sequence[LogStudy]) -> str:
         + "\nResiduals without the global bias, by the bearing itself (for a camera: its column).\n\n"
         + _table(head, rows)
     )
+
+
+def _with_bounds(value: float, low: float, high: float) -> str:
+    return _degrees(value) + ("" if math.isnan(low) else f" ({_degrees(low)} to {_degrees(high)})")
+
+
+def _sigma(b: ResidualBin) -> str:
+    return _with_bounds(b.sigma, b.sigma_low, b.sigma_high)
+
+
+def _bias(b: ResidualBin) -> str:
+    return _with_bounds(b.bias, b.bias_low, b.bias_high)
 
 
 def _middle(low: float, high: float) -> str:

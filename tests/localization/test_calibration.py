@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from localization.log_filter import run_filter
 from localization.logs import delayed, interpolated, residuals, scans
 from localization.odometry_calibration import calibrate_odometry, sighting_lag
 from localization.robust import shares_of_variance, weighted_median
+from localization.sensors import Mount, PinholeFixedSensor, PinholePanSensor
 from maps.se2 import wrap
 from tests.localization.logs_made import LANDMARKS, driven_log, standing_log
 
@@ -59,8 +61,10 @@ def test_share_of_wrong_places_comes_back(rng):
     world = calibration.landmarks(LANDMARKS)
     np.testing.assert_allclose(world.sigma, calibration.range_sigma.value)
     sensor = calibration.scanner()
-    assert sensor.bearing_sigma == pytest.approx(calibration.floor.value)
-    assert sensor.max_range == calibration.max_range
+    assert sensor.bearing_floor == calibration.floor.value
+    assert math.hypot(sensor.bearing_sigma, sensor.bearing_floor) == pytest.approx(calibration.constant_sigma)
+    assert (sensor.min_range, sensor.max_range) == (calibration.min_range, calibration.max_range)
+    assert calibration.scanner(mount=Mount(0.3)).mount == Mount(0.3)
 
 
 def test_columns_of_a_camera_come_back(rng):
@@ -72,7 +76,33 @@ def test_columns_of_a_camera_come_back(rng):
     middle = max(calibration.by_bearing, key=lambda b: b.sigma)
     assert abs(0.5 * (middle.low + middle.high)) < 0.4
     camera = calibration.camera(field_of_view=2.0, focal_px=500.0)
-    assert camera.column_sigma_px == pytest.approx(500 * math.hypot(0.01, calibration.floor.value), rel=0.05)
+    assert isinstance(camera, PinholePanSensor)
+    assert camera.column_sigma_px == pytest.approx(500 * 0.01, rel=0.05)
+    assert camera.bearing_floor == calibration.floor.value
+    assert (camera.min_range, camera.max_range) == (calibration.min_range, calibration.max_range)
+    fixed = calibration.camera(
+        field_of_view=2.0, focal_px=500.0, kind="pinhole_fixed", mount=Mount(0.2, theta=1.0)
+    )
+    assert isinstance(fixed, PinholeFixedSensor)
+    assert fixed.mount == Mount(0.2, theta=1.0)
+    assert fixed.column_sigma_px == camera.column_sigma_px
+    with pytest.raises(CalibrationError, match="kind"):
+        calibration.camera(field_of_view=2.0, focal_px=500.0, kind="omnidirectional")
+
+
+def test_bins_have_intervals_that_hold_the_truth(rng):
+    log = standing_log(rng, n=600, sigma=0.005, range_sigma=0.03)
+    calibration = calibrate_bearings(log, rng=rng)
+    for b in (*calibration.by_range, *calibration.by_bearing):
+        assert b.bias_low <= b.bias <= b.bias_high
+        assert b.sigma_low <= b.sigma <= b.sigma_high
+    held = [b.bias_low <= 0.0 <= b.bias_high for b in calibration.by_bearing]
+    assert np.mean(held) > 0.8
+    first, last = calibration.by_range[0], calibration.by_range[-1]
+    assert first.sigma_low > last.sigma_high
+    # All of one block: nothing to draw from.
+    one = replace(log, block=np.zeros(len(log.time), dtype=int))
+    assert all(math.isnan(b.sigma_low) for b in calibrate_bearings(one, rng=rng, n_bootstrap=5).by_range)
 
 
 def test_biases_of_landmarks_come_back(rng):
@@ -144,7 +174,7 @@ def test_filter_with_calibrated_models_is_consistent():
             PoseBelief.from_sigmas(log.reference[0], position=0.01, heading=0.01),
             float(log.time[0]),
             odometry=odometry.model,
-            bearing_sigma=model.scanner().bearing_sigma,
+            bearing_sigma=model.constant_sigma,
             distance_scale=odometry.distance_scale,
             turn_scale=odometry.turn_scale,
             gate=0.9999,
