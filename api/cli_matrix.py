@@ -46,7 +46,8 @@ Accel_ = Annotated[float, typer.Option("--max-accel", metavar="A", help="m/s²."
 def matrix(
     field_path: Field_,
     points: Annotated[
-        Path, typer.Option(metavar="FILE", help="Places as CSV (id,x,y) or JSON (a list of pairs x, y), in m.")
+        Path,
+        typer.Option(metavar="FILE", help="Places as CSV (id,x,y) or JSON (a list of pairs x, y), in m."),
     ],
     targets: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Where to; default: the same places.")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -70,6 +70,7 @@ def find_alternatives(
     count: int = 3,
     max_cost_factor: float = 1.4,
     max_share: float = 0.6,
+    report: Callable[[Alternatives], None] | None = None,
 ) -> Alternatives:
     """Up to ``count`` routes that differ, the best one among them.
 
@@ -90,6 +91,8 @@ def find_alternatives(
         A route costs at most this times the best one, on the grid and when finished.
     max_share
         Part of a route's length that may run within the robot's width (twice the radius) of routes before.
+    report
+        Called in this thread with what there is so far, whenever it is more or better.
 
     Returns
     -------
@@ -118,20 +121,26 @@ def find_alternatives(
         raise InvalidProblem("Alternatives have no via points; ask for some from each to the next.")
     clock = Clock(problem.deadline)
     alone = replace(problem, deadline=max(0.05, problem.deadline * (_BEST_SHARE if count > 1 else 1.0)))
-    best = plan(alone, context)
+    first = None if report is None else lambda r: report(_alone(r))
+    best = plan(alone, context, report=first)
     if best.route is None or count == 1 or problem.start == problem.goal:
-        routes = () if best.route is None else (best.route,)
-        return Alternatives(best, routes, (0.0,) * len(routes))
+        return _alone(best)
     way, context, _ = first_way(problem, context, clock)
     if way is None:
-        return Alternatives(best, (best.route,), (0.0,), (_LATE,))
+        return _alone(best, _LATE)
     found = _Search(way, problem, context, clock, max_cost_factor, max_share)
-    warnings = found.run(best.route, count)
-    costs = [found.cost_of(r) for r in found.routes[1:]]
-    order = [0, *(1 + int(k) for k in np.argsort(costs, kind="stable"))]
-    ordered = [found.routes[k] for k in order]
-    shares = [0.0] + [_share(r, ordered[:k], found.width) for k, r in enumerate(ordered) if k > 0]
-    return Alternatives(best, tuple(ordered), tuple(shares), tuple(warnings))
+
+    def tell() -> None:
+        if report is not None:
+            report(Alternatives(best, *found.in_order()))
+
+    warnings = found.run(best.route, count, tell)
+    return Alternatives(best, *found.in_order(), tuple(warnings))
+
+
+def _alone(best: PlanResult, *warnings: str) -> Alternatives:
+    routes = () if best.route is None else (best.route,)
+    return Alternatives(best, routes, (0.0,) * len(routes), warnings)
 
 
 class _Search:
@@ -154,8 +163,8 @@ class _Search:
         self.room = max(_ROOM_M, 4.0 * problem.radius)
         self.routes: list[Route] = []
 
-    def run(self, best: Route, count: int) -> list[str]:
-        """Fill ``routes``; returns warnings."""
+    def run(self, best: Route, count: int, tell: Callable[[], None]) -> list[str]:
+        """Fill ``routes``, telling of each that is new; returns warnings."""
         self.routes = [best]
         space = self.way.graph.cost_space
         with self.clock.stop_flag() as stop:
@@ -176,9 +185,18 @@ class _Search:
             if route is None:
                 break
             self.routes.append(route)
+            tell()
         if self.clock.is_over():
             warnings.append(f"The deadline of {self.problem.deadline:g} s ended the search for other routes.")
         return warnings
+
+    def in_order(self) -> tuple[tuple[Route, ...], tuple[float, ...]]:
+        """The best route and the others, cheapest first, and their shares."""
+        costs = [self.cost_of(r) for r in self.routes[1:]]
+        order = [0, *(1 + int(k) for k in np.argsort(costs, kind="stable"))]
+        routes = [self.routes[k] for k in order]
+        shares = [_share(r, routes[:k], self.width) for k, r in enumerate(routes) if k > 0]
+        return tuple(routes), (0.0, *shares)
 
     def cost_of(self, route: Route) -> float:
         """Under the objective and bounds of the first way."""

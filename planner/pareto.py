@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -16,8 +17,8 @@ from planner.kernels.matrix import way_figures
 from planner.pareto_grid import GridFront, GridPoint, not_dominated, spread
 from planner.plan import finished, first_way, nothing_found
 from planner.problem import PlanningProblem
-from planner.result import PlanStatus, Route
-from planner.unmet import keeps_risk
+from planner.result import PlanStatus, Route, Unmet
+from planner.unmet import keeps_risk, unmet_bounds
 
 Against = Literal["worst", "mean"]
 MAX_POINTS = 50
@@ -73,6 +74,8 @@ class ParetoFront:
         point is the best effort. ``NO_PATH``, ``TIMEOUT``: no points.
     warnings
         What the caller should know.
+    unmet
+        With ``RISK_UNMET``: what the best effort misses.
     stats
         Points on the grid and seconds.
     """
@@ -81,6 +84,7 @@ class ParetoFront:
     points: tuple[ParetoPoint, ...]
     status: PlanStatus
     warnings: tuple[str, ...] = ()
+    unmet: tuple[Unmet, ...] = ()
     stats: dict[str, float] = field(default_factory=dict)
 
 
@@ -90,6 +94,7 @@ def pareto_front(
     *,
     against: Against = "worst",
     count: int = 8,
+    report: Callable[[ParetoFront], None] | None = None,
 ) -> ParetoFront:
     """Front of length against worst or mean r95.
 
@@ -110,6 +115,8 @@ def pareto_front(
         What length is held against.
     count
         Points at most.
+    report
+        Called in this thread with the front so far, after every point that is finished.
 
     Returns
     -------
@@ -141,7 +148,7 @@ def pareto_front(
     way, context, proven = first_way(plain, context, clock)
     if way is None:
         none = nothing_found(plain, context, clock, proven=proven)
-        return ParetoFront(against, (), none.status, none.warnings, none.stats)
+        return ParetoFront(against, (), none.status, none.warnings, stats=none.stats)
     if way.relaxed or way.is_blind_forced:
         return _best_effort(way, plain, context, clock, against)
     with clock.stage("front"), Clock(problem.deadline * _GRID_SHARE).stop_flag() as stop:
@@ -150,7 +157,7 @@ def pareto_front(
         front.against_worst(wanted) if against == "worst" else front.against_mean(wanted)
         stopped = bool(stop[0])
     work = _Finishing(plain, context, clock, front, way, against)
-    work.run(count)
+    work.run(count, report)
     if stopped and len(front.points) < wanted:
         work.warnings.append("The deadline came before all gaps of the front were searched.")
     status = PlanStatus.APPROXIMATE if stopped or work.is_late else PlanStatus.EXACT
@@ -158,7 +165,7 @@ def pareto_front(
         status = PlanStatus.TIMEOUT
     stats = {f"{k}_s": v for k, v in clock.seconds.items()}
     stats |= {"grid_points": float(len(front.points)), "total_s": clock.elapsed}
-    return ParetoFront(against, work.front(), status, tuple(dict.fromkeys(work.warnings)), stats)
+    return ParetoFront(against, work.front(), status, tuple(dict.fromkeys(work.warnings)), stats=stats)
 
 
 class _Finishing:
@@ -179,7 +186,7 @@ class _Finishing:
         self.warnings: list[str] = []
         self.is_late = False
 
-    def run(self, count: int) -> None:
+    def run(self, count: int, report: Callable[[ParetoFront], None] | None) -> None:
         """Finish up to ``count`` points, others instead of those that turn out to be dominated."""
         points = self.grid.points
         values = [self._grid_r95(p) for p in points]
@@ -199,6 +206,8 @@ class _Finishing:
             if len(self.front()) >= count:
                 return
             self.done.append(self._finished(points[k], values[k], left))
+            if report is not None:
+                report(ParetoFront(self.against, self.front(), PlanStatus.APPROXIMATE, tuple(self.warnings)))
 
     def front(self) -> tuple[ParetoPoint, ...]:
         """Those done that are not dominated, and of those that are all but the same one."""
@@ -269,10 +278,15 @@ def _best_effort(
     on_grid = worst if against == "worst" or length == blind else integral / (length - blind)
     r95 = value if value is not None else math.nan
     point = ParetoPoint(route, figures.length, r95, None, length * cell, on_grid)
-    words = (
-        "No path keeps the bounds; the one route is the best effort: a plan says what is missed and where."
+    words = "No path keeps the bounds; the one route is the best effort."
+    return ParetoFront(
+        against,
+        (point,),
+        PlanStatus.RISK_UNMET,
+        (words, *said),
+        unmet_bounds(problem, way, route, context),
+        {"total_s": clock.elapsed},
     )
-    return ParetoFront(against, (point,), PlanStatus.RISK_UNMET, (words, *said), {"total_s": clock.elapsed})
 
 
 def warm_up() -> None:

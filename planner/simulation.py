@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from localization.heading_field import HeadingField
 from localization.motion import OdometryModel
@@ -145,6 +146,7 @@ def simulate(
     rng: np.random.Generator,
     field: UncertaintyField | HeadingField | None = None,
     threads: int | None = None,
+    stop: npt.NDArray[np.uint8] | None = None,
 ) -> SimulationReport:
     """Drive a trajectory many times.
 
@@ -165,6 +167,8 @@ def simulate(
         triplet of the place where it should be.
     threads
         Default: one per core. The result does not depend on it.
+    stop
+        Shape (1,): another thread sets it to end early; the report is then of the first runs alone.
 
     Returns
     -------
@@ -209,7 +213,8 @@ def simulate(
     )
     stops = _stops(reference)
     args = _kernel_args(world, choices, reference, is_fix=is_fix, stops=stops, robot=robot, P0=np.array(P0))
-    out = _drive(args, _draws(reference, is_fix, world), len(stops), runs=runs, rng=rng, threads=threads)
+    seeds = rng.integers(0, 2**63, size=runs)
+    out = _drive(args, _draws(reference, is_fix, world), len(stops), seeds=seeds, threads=threads, stop=stop)
     P = predicted[stops]
     return report_of(reference, stops, np.stack([P[:, 0, 0], P[:, 0, 1], P[:, 1, 1]], axis=-1), *out)
 
@@ -280,25 +285,31 @@ def _drive(
     draws: int,
     stations: int,
     *,
-    runs: int,
-    rng: np.random.Generator,
+    seeds: IntArray,
     threads: int | None,
+    stop: npt.NDArray[np.uint8] | None,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """What the kernel writes per run, per station and as tracks; one stream of normals per run."""
-    seeds = rng.integers(0, 2**63, size=runs)
+    runs = len(seeds)
     steps = len(args[0])  # type: ignore[arg-type]
     per_run = np.empty((runs, kernel.N_RUN))
     per_station = np.empty((runs, stations, kernel.N_STATION), dtype=np.float32)
     tracks = np.empty((min(runs, MAX_TRACKS), steps, 4))
     size = max(1, min(_MAX_TASK_RUNS, _TASK_BYTES // (8 * draws)))
 
-    def task(first: int) -> None:
+    def task(first: int) -> int:
+        """Drive some runs; returns how many."""
+        if first > 0 and stop is not None and stop[0] != 0:
+            return 0
         part = slice(first, min(first + size, runs))
         normals = np.empty((part.stop - part.start, draws))
         for row, seed in zip(normals, seeds[part].tolist(), strict=True):
             np.random.default_rng(seed).standard_normal(out=row)
         kernel.drive_runs(normals, *args, per_run[part], per_station[part], tracks[part])
+        return len(normals)
 
     with ThreadPoolExecutor(max_workers=threads or os.cpu_count() or 1) as pool:
-        list(pool.map(task, range(0, runs, size)))
-    return per_run, np.asarray(per_station), tracks
+        driven = list(pool.map(task, range(0, runs, size)))
+    # What was driven after a part that was left out is not the first of anything.
+    done = sum(driven[: driven.index(0)]) if 0 in driven else runs
+    return per_run[:done], np.asarray(per_station[:done]), tracks[:done]

@@ -156,3 +156,13 @@ def test_when_the_time_is_over():
     )
     assert found.best.stats["total_s"] < 2.0
     assert len(found.routes) == len(found.shares) <= 5
+
+
+def test_what_is_found_is_told_at_once():
+    told = []
+    found, *_ = ask(LADDER, weight=0.0, options={"count": 3, "max_cost_factor": 1.6, "report": told.append})
+    counts = [len(t.routes) for t in told]
+    assert counts == sorted(counts)
+    assert counts[-1] == len(found.routes) == 3
+    assert all(len(t.shares) == len(t.routes) for t in told)
+    assert [r.summary.cost for r in told[-1].routes] == [r.summary.cost for r in found.routes]

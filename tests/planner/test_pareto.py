@@ -102,6 +102,8 @@ def test_bounds_that_cannot_be_kept():
     (point,) = front.points
     assert point.r95 == pytest.approx(0.01 * K)
     assert "best effort" in front.warnings[0]
+    (missed,) = front.unmet
+    assert (missed.bound, missed.limit, missed.value) == ("max_r95_m", 0.001, pytest.approx(0.01 * K))
 
 
 def test_no_way_and_no_time():
@@ -128,3 +130,11 @@ def test_mistakes():
             pareto_front(question(**values), hall())
     with pytest.raises(StartOccupied):
         pareto_front(PlanningProblem((0.3, 0.3), G, 0.3), ring())
+
+
+def test_the_front_so_far_is_told():
+    told = []
+    front = pareto_front(question(), hall(), count=4, report=told.append)
+    assert len(told) >= 4
+    assert len(told[0].points) == 1
+    assert [p.length for p in told[-1].points] == [p.length for p in front.points]

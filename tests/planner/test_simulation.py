@@ -275,3 +275,13 @@ def test_arbitrary_choices_are_the_triplets_that_give_a_fix():
     for k in np.flatnonzero(is_fix & (counts > 0)):
         np.testing.assert_array_equal(np.sort(drawn.triplets[drawn.offsets[k]]), np.sort(best.planned[k]))
         assert len(np.unique(drawn.triplets[drawn.offsets[k] : drawn.offsets[k + 1]], axis=0)) == counts[k]
+
+
+def test_a_stop_leaves_the_first_runs(field):
+    robot, flag = SimulatedRobot(), np.ones(1, dtype=np.uint8)
+    rng = np.random.default_rng(5)
+    short = simulate(WAREHOUSE, LASER, AISLE, robot=robot, runs=500, rng=rng, field=field, stop=flag)
+    assert 0 < short.runs < 500
+    full = run(WAREHOUSE, LASER, AISLE, field=field, runs=500, seed=5)
+    np.testing.assert_array_equal(short.worst_deviation, full.worst_deviation[: short.runs])
+    np.testing.assert_array_equal(short.tracks, full.tracks[: short.runs])
