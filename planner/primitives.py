@@ -215,6 +215,13 @@ def _move(
                     (length * resolution * stretch, far * resolution + sag, near * resolution - sag)
                 )
             pose = end
+        if turn and steering.turn_price > 0:
+            # The cell must be allowed at the headings of the turn, though nothing is driven.
+            steps = max(1, math.ceil(abs(turn) * n_bins / (2 * math.pi)))
+            col, row = (round(v / resolution) for v in pose[:2])
+            for k in range(steps + 1):
+                cells.append((row, col, heading_bin(pose[2] + turn * k / steps + yaw, n_bins)))
+                lengths.append((0.0, 0.0, 0.0))
         pose = (pose[0], pose[1], pose[2] + turn)
     return _Built(
         (i, j, dy, dx, gear),

@@ -14,6 +14,8 @@ from localization.motion import OdometryModel
 from maps.arrays import FloatArray
 from planner.errors import InvalidProblem
 from planner.extras import Extras
+from planner.footprint import Footprint
+from planner.steering import Steering
 
 MAX_DEADLINE_S = 30.0
 MIN_DEADLINE_S = 0.05
@@ -54,8 +56,8 @@ class PlanningProblem:
     covariance
         Whose uncertainty counts in objective and bounds: ``fix``, one fix at each place; ``fused``, the
         filter's belief along the path (odometry and fixes).
-    odometry, fix_rate, turn_rate
-        For ``fused``: noise of the motion, fixes per second, and rad/s of turns.
+    odometry, fix_rate
+        For ``fused``: noise of the motion, and fixes per second.
     start_covariance
         For ``fused``: xx, xy, yy (m²), xθ, yθ (m rad), θθ (rad²) at the start; None: of one fix there.
     avoid
@@ -64,6 +66,16 @@ class PlanningProblem:
         Polygons with factors of the cost per metre, 0.01 to 1000; where they overlap factors multiply.
     via
         Places (x, y) in W, m, to pass in this order; the robot stops there.
+    kinematics
+        ``holonomic``; ``differential``, which turns in place; ``dubins`` and ``reeds_shepp``, which drive
+        arcs of ``min_turn_radius`` (m), the latter backwards too.
+    start_heading, goal_heading
+        Of the robot at the ends, rad; None: any.
+    footprint
+        Corners (x, y) of the robot's outline in its own frame, m; None: a disc of ``radius``, which counts
+        only then.
+    turn_rate, max_turn_accel
+        Largest turn rate, rad/s, and its change, rad/s².
     max_speed, max_accel
         Limits of the trajectory, m/s and m/s².
     deadline
@@ -94,6 +106,12 @@ class PlanningProblem:
     fix_rate: float = 10.0
     turn_rate: float = 1.0
     start_covariance: tuple[float, float, float, float, float, float] | None = None
+    kinematics: Literal["holonomic", "differential", "dubins", "reeds_shepp"] = "holonomic"
+    min_turn_radius: float = 0.0
+    start_heading: float | None = None
+    goal_heading: float | None = None
+    footprint: tuple[tuple[float, float], ...] | None = None
+    max_turn_accel: float = math.inf
     avoid: tuple[Polygon, ...] = ()
     areas: tuple[tuple[Polygon, float], ...] = ()
     via: tuple[tuple[float, float], ...] = ()
@@ -121,6 +139,7 @@ class PlanningProblem:
             raise InvalidProblem(f"The objective is '{self.objective}'; use one of {names}.")
         self._check_areas()
         self._check_belief()
+        self._check_robot()
         self._require("max_ellipse95", lo=0.0, hi=1e6, unit="m", exclusive=True)
         p = self.max_collision_probability
         if p is not None and not 0 < p < 1:
@@ -147,6 +166,25 @@ class PlanningProblem:
             raise InvalidProblem(
                 f"The {name} is {value} {unit}; it must be {rule} and at most {hi:g} {unit}."
             )
+
+    def _check_robot(self) -> None:
+        Steering(self.kinematics, self.min_turn_radius)  # refuses what makes no sense
+        if not self.max_turn_accel > 0:
+            raise InvalidProblem(f"The max_turn_accel is {self.max_turn_accel} rad/s²; it must be positive.")
+        for name in ("start_heading", "goal_heading"):
+            value = getattr(self, name)
+            if value is not None and not math.isfinite(value):
+                raise InvalidProblem(f"The {name} is {value} rad; it must be finite.")
+        if self.footprint is not None:
+            corners = tuple((float(x), float(y)) for x, y in self.footprint)
+            object.__setattr__(self, "footprint", corners)
+            Footprint.of(corners)
+
+    @property
+    def has_pose(self) -> bool:
+        """Whether headings matter: of the ends, of the kinematics, or of the outline."""
+        ends = self.start_heading is not None or self.goal_heading is not None
+        return ends or self.kinematics != "holonomic" or self.footprint is not None
 
     def _check_belief(self) -> None:
         if self.covariance not in {"fix", "fused"}:

@@ -223,6 +223,24 @@ def part_cost(
 
 
 @njit(cache=True, nogil=True)
+def may_turn(x, y, theta, turn, rates, transform):
+    """Whether the cell of a place is allowed at every heading of a turn."""
+    dx = x - transform[0]
+    dy = y - transform[1]
+    col = math.floor((dx * transform[2] + dy * transform[3]) / transform[4])
+    row = math.floor((dy * transform[2] - dx * transform[3]) / transform[4])
+    if row < 0 or col < 0 or row >= rates.shape[1] or col >= rates.shape[2]:
+        return False
+    n = rates.shape[0]
+    steps = math.ceil(abs(turn) * n / _TURN)
+    for k in range(steps + 1):
+        bin_ = heading_bin(theta + turn * k / max(steps, 1), n)
+        if rates[bin_, row, col] == math.inf:
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True)
 def curve_cost(
     start,
     parts,
@@ -242,7 +260,8 @@ def curve_cost(
     """Cost of the first n ``parts`` from a pose (3,): ∫ rate ds, and manoeuvres at their prices.
 
     inf where the robot may not drive, or beyond ``limit``. ``turn_price``, m/rad, ``gear_price``, m. Turns in
-    place are not checked: a disc needs no more room for them than for driving there.
+    place that have a price are checked at the headings between, without one they are not: a disc needs no
+    more room for them than for driving there.
     """
     x = start[0]
     y = start[1]
@@ -254,6 +273,8 @@ def curve_cost(
         if way == 0.0:
             turn = parts[k, 2]
             total += turn_price * abs(turn)
+            if turn_price > 0.0 and rates.shape[0] > 1 and not may_turn(x, y, theta, turn, rates, transform):
+                return math.inf
             theta += turn
             continue
         if gear * way < 0.0:

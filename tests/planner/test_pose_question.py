@@ -1,0 +1,148 @@
+"""Plans for robots with a heading: cars, outlines, poses at the ends, fixed cameras."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from localization.field_builder import build_heading_field
+from localization.sensors import PinholeFixedSensor
+from planner.clock import Clock
+from planner.context import PlanningContext
+from planner.errors import InvalidProblem
+from planner.footprint import Footprint
+from planner.pose_question import plan_with_poses
+from planner.problem import PlanningProblem
+from planner.result import PlanStatus
+from tests.fields import synthetic_field
+from tests.worlds import world_from_ascii
+
+ROOM = """
+    ####################
+    #..................#
+    #..................#
+    #..................#
+    #..................#
+    ########..##########
+    #..................#
+    #..................#
+    #..................#
+    #..................#
+    ####################
+"""
+LOW, HIGH = (2.0, 1.5), (8.0, 4.0)
+
+
+def room(sigma=lambda x, y: 0.02 + 0 * x, resolution=0.25):
+    return PlanningContext(synthetic_field(world_from_ascii(ROOM), resolution, sigma))
+
+
+def ask(context, start=LOW, goal=HIGH, radius=0.2, headings=None, **values):
+    problem = PlanningProblem(start, goal, radius, deadline=20.0, refine=50, **values)
+    return plan_with_poses(
+        problem, context, Clock(problem.deadline), headings=headings, baseline=lambda: None
+    )
+
+
+def check_motion(result, problem_headings=()):
+    trajectory = result.route.trajectory
+    speed = np.hypot(*np.asarray(trajectory.velocity).T)
+    assert speed.max() <= 1.2 * 1.001
+    assert speed[0] == pytest.approx(0.0, abs=1e-6)
+    assert speed[-1] == pytest.approx(0.0, abs=1e-6)
+    for at, heading in problem_headings:
+        assert result.route.path.heading[at] == pytest.approx(heading, abs=1e-6)
+
+
+@pytest.mark.parametrize("kinematics", ["differential", "dubins", "reeds_shepp"])
+def test_headings_at_the_ends_are_kept(kinematics):
+    radius = 0.0 if kinematics == "differential" else 0.5
+    result = ask(
+        room(), kinematics=kinematics, min_turn_radius=radius, start_heading=math.pi / 2, goal_heading=0.0
+    )
+    assert result.status in {PlanStatus.EXACT, PlanStatus.APPROXIMATE}
+    check_motion(result, [(0, math.pi / 2), (-1, 0.0)])
+    np.testing.assert_allclose(result.route.path.points[[0, -1]], [LOW, HIGH], atol=1e-6)
+    assert result.route.summary.min_clearance >= -2e-9
+    # Through the door.
+    assert np.abs(result.route.trajectory.points - [4.5, 2.75]).max(axis=1).min() < 0.6
+
+
+def test_a_car_that_is_too_wide_in_its_turns_says_what_is_too_narrow():
+    result = ask(
+        room(), kinematics="dubins", min_turn_radius=4.0, start_heading=math.pi, goal_heading=math.pi
+    )
+    assert result.status is PlanStatus.NO_PATH
+    assert result.warnings
+
+
+def test_an_outline_turns_where_there_is_room():
+    long = ((-0.5, -0.2), (0.9, -0.2), (0.9, 0.2), (-0.5, 0.2))
+    context = room(resolution=0.125)
+    result = ask(context, kinematics="differential", footprint=long, start_heading=0.0)
+    assert result.status in {PlanStatus.EXACT, PlanStatus.APPROXIMATE}, result.warnings
+    footprint = Footprint.of(long)
+    poses = np.column_stack([result.route.path.points, result.route.path.heading])
+    assert (footprint.clearance(context.clearance, poses) > -0.05).all()
+    assert result.route.summary.min_clearance > -0.05
+    wide = ((-0.5, -0.6), (0.9, -0.6), (0.9, 0.6), (-0.5, 0.6))
+    assert ask(context, kinematics="differential", footprint=wide).status is PlanStatus.NO_PATH
+
+
+def test_bounds_that_leave_no_way_are_dropped_and_named():
+    context = room(lambda x, y: np.where(y > 2.5, 0.5, 0.02) + 0 * x)
+    result = ask(context, kinematics="differential", max_r95=0.2)
+    assert result.status is PlanStatus.RISK_UNMET
+    assert result.unmet[0].bound == "max_r95_m"
+    assert result.unmet[0].value > 0.2
+
+
+HALL = """
+    ########################
+    #A..B..C..D..E..F..G..H#
+    #......................#
+    #......................#
+    #......................#
+    #......................#
+    #......................#
+    ########################
+"""
+
+
+def test_a_forward_camera_is_told_by_its_heading():
+    world = world_from_ascii(HALL)
+    sensor = PinholeFixedSensor(1.6, 400.0, 1.0, max_range=9.0)
+    headings = build_heading_field(world, sensor, resolution=0.25, headings=16)
+    context = PlanningContext(headings.reduced("best"))
+    result = ask(context, (2.0, 1.2), (9.5, 2.0), headings=headings, weight=4.0, blind_r95=2.0)
+    assert result.status in {PlanStatus.EXACT, PlanStatus.APPROXIMATE}
+    path = result.route.path
+    for k in range(0, len(path.s), 5):
+        field = headings.at(float(path.heading[k])).trusted()
+        row, col = field.frame.cell_at(path.points[k])
+        np.testing.assert_array_equal(path.covariance[k], field.covariance[row, col])
+    assert result.route.summary.blind < result.route.summary.length
+    # Nowhere can it be better than at the best heading.
+    best = context.field.r95
+    cells = context.field.frame.cell_at(path.points)
+    known = np.isfinite(path.r95)
+    assert (path.r95[known] >= best[cells[known, 0], cells[known, 1]] - 1e-12).all()
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"kinematics": "tank"}, "'reeds_shepp'"),
+        ({"kinematics": "dubins"}, "needs a positive one"),
+        ({"min_turn_radius": -1.0}, "not negative"),
+        ({"start_heading": math.nan}, "start_heading"),
+        ({"max_turn_accel": 0.0}, "max_turn_accel"),
+        ({"footprint": ((0.0, 0.0), (1.0, 1.0))}, "3 to 100"),
+        ({"footprint": ((-1.0, -1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, 1.0))}, "simple polygon"),
+    ],
+)
+def test_impossible_robots(values, words):
+    with pytest.raises(InvalidProblem, match=words):
+        PlanningProblem(LOW, HIGH, 0.2, **values)
