@@ -12,6 +12,8 @@ from planner.cost_space import CostSpace
 from planner.kernels.any_angle import pull_string, relax, subdivide
 
 _WINDOW = 64
+# Points that were moved lie on a taut line: fewer are looked at.
+_LAST_WINDOW = 16
 # Every so many points of a path on the grid are enough to begin with, each seen from so many others.
 _EVERY, _FIRST_WINDOW = 4, 32
 # No place costs less per metre.
@@ -63,12 +65,12 @@ def shorten(
         if cost < best_cost or (cost <= min(best_cost * (1 + 1e-12), given) and len(candidate) < len(best)):
             best, best_cost = candidate, cost
 
-    def pull() -> None:
+    def pull(window: int = _WINDOW) -> None:
         for _ in range(_MAX_PULLS):
             before = len(best)
             if late():
                 return
-            keep(pull_string(best, _WINDOW, _LOWEST_RATE, *cost_space.kernel_args))
+            keep(pull_string(best, window, _LOWEST_RATE, *cost_space.kernel_args))
             if len(best) == before:
                 return
 
@@ -87,7 +89,7 @@ def shorten(
             pull()
         elif cost_space.line_cost(fine) < best_cost:
             best, best_cost = fine, cost_space.line_cost(fine)
-    pull()
+    pull(_LAST_WINDOW)
     return best, best_cost
 
 

@@ -178,7 +178,13 @@ class PlanningContext:
         return self._cached(self._costs, (id(graph), goal), build, lambda found: found.graph is graph)
 
     def path(
-        self, graph: GridGraph, start: Place, goal: Place, *, stop: npt.NDArray[np.uint8] | None = None
+        self,
+        graph: GridGraph,
+        start: Place,
+        goal: Place,
+        *,
+        margin: float = 0.0,
+        stop: npt.NDArray[np.uint8] | None = None,
     ) -> GridPath:
         """Cheapest grid path: the same whether costs to the goal and pivots are known yet or not.
 
@@ -191,6 +197,9 @@ class PlanningContext:
             From :meth:`graph`.
         start, goal
             (x, y) in W, m.
+        margin
+            Above 0: also the cells with a path that is dearer by at most this share, unless costs to the goal
+            are known; :meth:`informed_cells` gives the same.
         stop
             Shape (1,); another thread sets it to end the search early.
         """
@@ -198,7 +207,7 @@ class PlanningContext:
         if known is not None:
             return GridPath(*known.path_from(start))
         pivots = self._known_pivots(graph)
-        found = self._pairs.path(graph, start, goal, pivots=pivots, stop=stop)
+        found = self._pairs.path(graph, start, goal, margin=margin, pivots=pivots, stop=stop)
         if self.background.is_again(id(graph)) and pivots is None:
             self.background.add(id(graph), *self._pivots_of(graph))
         if self.background.is_again((id(graph), goal)):

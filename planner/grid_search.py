@@ -12,10 +12,13 @@ from maps.arrays import FloatArray
 from planner.clock import Clock
 from planner.context import PlanningContext
 from planner.cost_to_go import GridGraph, smallest_bound
+from planner.pair_search import InformedCells
 from planner.problem import PlanningProblem
 
 # Cost per metre without a fix where that is forbidden and cannot be avoided: as little of it as possible.
 _BLIND_RATE = 1e4
+#: Samples are drawn from cells with a grid path of at most this share above the cheapest.
+NEAR = 0.001
 
 Stop = npt.NDArray[np.uint8]
 
@@ -38,6 +41,8 @@ class Way:
         Whether it goes without a fix although that was forbidden.
     is_complete
         Whether the search was finished, so that no path is cheaper.
+    cells
+        Cells with a grid path that costs at most ``1 + NEAR`` times as much, if they are known.
     """
 
     graph: GridGraph
@@ -46,6 +51,7 @@ class Way:
     relaxed: tuple[tuple[str, float], ...] = ()
     is_blind_forced: bool = False
     is_complete: bool = True
+    cells: InformedCells | None = None
 
     @property
     def bound(self) -> float | None:
@@ -98,7 +104,7 @@ def find_way(problem: PlanningProblem, context: PlanningContext, clock: Clock) -
 def find_shortest(problem: PlanningProblem, context: PlanningContext, clock: Clock) -> Way | None:
     """Shortest path on the grid, whatever its uncertainty."""
     search = _Search(problem, context, clock)
-    search.weight, search.blind_rate = 0.0, 1.0
+    search.weight, search.blind_rate, search.margin = 0.0, 1.0, 0.0
     search.extras = problem.extras.without_bounds().without_areas()
     with clock.stop_flag() as stop:
         search.stop = stop
@@ -120,6 +126,7 @@ class _Search:
         blind = problem.blind_r95
         self.blind_rate = None if blind is None else 1.0 + self.weight * blind
         self.extras = problem.extras
+        self.margin = NEAR if problem.refine > 0 else 0.0
         self.bounds = Bounds(problem.max_r95, problem.max_ellipse95, problem.max_collision_probability)
 
     def within(self) -> Way | None:
@@ -167,14 +174,16 @@ class _Search:
         """Optimal path on the grid under bounds."""
         problem, context = self.problem, self.context
         graph = self._graph(bounds)
-        found = context.path(graph, problem.start, problem.goal, stop=self.stop)
+        found = context.path(graph, problem.start, problem.goal, margin=self.margin, stop=self.stop)
         cost, points = found.cost, found.points
         line = np.array([problem.start, problem.goal])
         straight = graph.cost_space.line_cost(line)
         grid_cost = cost if math.isfinite(cost) else None
         if math.isfinite(straight) and straight <= cost:
             points = line
-        return None if points is None else Way(graph, points, grid_cost, is_complete=found.is_complete)
+        if points is None:
+            return None
+        return Way(graph, points, grid_cost, is_complete=found.is_complete, cells=found.cells)
 
     def _graph(self, bounds: Bounds) -> GridGraph:
         return self.context.graph(

@@ -7,14 +7,13 @@ from planner import sampling
 from planner.any_angle import shorten
 from planner.clock import Clock
 from planner.context import PlanningContext
-from planner.grid_search import Way
+from planner.grid_search import NEAR, Way
 from planner.problem import PlanningProblem
 
-# Samples are drawn from cells with a grid path of at most this share above the cheapest, and no more after so
-# many in a row without a gain.
-_NEAR = 0.001
-_PATIENCE = 64
-_GAIN = 1e-9
+# No more samples are drawn after so many in a row without a gain.
+_PATIENCE = 40
+# What is gained less than this share is left: polishing alone may gain as much.
+_GAIN = 1e-5
 
 
 def sampled_from(
@@ -45,10 +44,12 @@ def sampled_from(
     """
     space = way.graph.cost_space
     grid_cost = cost * sampling.OCTILE_EXCESS if way.grid_cost is None else way.grid_cost
-    with clock.stop_flag() as stop:
-        cells = context.informed_cells(
-            way.graph, problem.start, problem.goal, grid_cost * (1.0 + _NEAR), stop=stop
-        )
+    cells = way.cells
+    if cells is None:
+        with clock.stop_flag() as stop:
+            cells = context.informed_cells(
+                way.graph, problem.start, problem.goal, grid_cost * (1.0 + NEAR), stop=stop
+            )
     if cells is None:
         return points, cost
     refined, _ = sampling.refine_with_ompl(

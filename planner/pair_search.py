@@ -20,6 +20,8 @@ Stop = npt.NDArray[np.uint8]
 
 # Sets of work arrays that are kept for the next search.
 _SPARE = 2
+# Cells up to this share above the cheapest path are searched: all paths that are equal up to rounding.
+_TIE = 1e-12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,11 +36,14 @@ class GridPath:
         Shape (K, 2), W, m: start, cell centres, goal; None when there is no path.
     is_complete
         False when the search was stopped: the path may not be the cheapest, or a path may have been missed.
+    cells
+        Cells through which a path leads that is not much dearer, if they were asked for.
     """
 
     cost: float
     points: FloatArray | None
     is_complete: bool = True
+    cells: InformedCells | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,6 +110,7 @@ class PairSearch:
         start: Place,
         goal: Place,
         *,
+        margin: float = 0.0,
         pivots: Pivots | None = None,
         stop: Stop | None = None,
     ) -> GridPath:
@@ -116,6 +122,8 @@ class PairSearch:
             Where to search.
         start, goal
             (x, y) in W, m.
+        margin
+            Where it is above 0: also the cells with a path that is dearer by at most this share.
         pivots
             Of the graph; they affect speed only.
         stop
@@ -131,12 +139,18 @@ class PairSearch:
         if len(seeds) == 0 or len(ends) == 0:
             return GridPath(math.inf, None)
         with self._arrays(len(graph.half)) as work:
+            flag = np.zeros(1, dtype=np.uint8) if stop is None else stop
+            slack = 1.0 + max(margin, _TIE)
             touched, complete = _towards(
-                graph, (seeds, seed_costs), (ends, end_costs), pivots, math.inf, work, stop, is_tight=True
+                graph, (seeds, seed_costs), (ends, end_costs), pivots, math.inf, work, flag, slack=slack
             )
-            cost, points = graph.trace(_seen(work.cost), (start, ends, end_costs), (goal, seeds, seed_costs))
+            known = _seen(work.cost)
+            cost, points = graph.trace(known, (start, ends, end_costs), (goal, seeds, seed_costs))
+            cells = None
+            if margin > 0.0 and points is not None:
+                cells = _through(graph, (ends, end_costs), known, slack * cost, work, flag)
             clear(touched, work.cost, work.least, work.state)
-        return GridPath(cost, points, bool(complete))
+        return GridPath(cost, points, bool(complete), cells)
 
     def informed_cells(
         self,
@@ -171,29 +185,31 @@ class PairSearch:
             return _cells(graph, np.empty(0, dtype=np.int64), np.empty(0))
         flag = np.zeros(1, dtype=np.uint8) if stop is None else stop
         with self._arrays(len(graph.half)) as work:
-            touched, complete = np.empty(0, dtype=np.int32), True
-            known = _seen(work.cost) if to_go is None else to_go.padded
-            if to_go is None:
-                touched, complete = _towards(
-                    graph, (seeds, seed_costs), (ends, end_costs), pivots, limit, work, flag, is_tight=False
-                )
-            found, ended = search_back(
-                graph.half,
-                graph.width,
-                ends,
-                end_costs,
-                known,
-                limit,
-                graph.smallest,
-                flag,
-                work.back,
-                work.state,
+            if to_go is not None:
+                return _through(graph, (ends, end_costs), to_go.padded, limit, work, flag)
+            touched, complete = _towards(
+                graph, (seeds, seed_costs), (ends, end_costs), pivots, limit, work, flag, slack=math.inf
             )
-            found = np.sort(found).astype(np.int64)
-            through = work.back[found] + known[found]
+            cells = _through(graph, (ends, end_costs), _seen(work.cost), limit, work, flag)
             clear(touched, work.cost, work.least, work.state)
-            clear(found, work.back, work.least, work.state)
-        return _cells(graph, found, through) if complete and ended else None
+        return cells if complete else None
+
+
+def _through(
+    graph: GridGraph,
+    begins: tuple[IntArray, FloatArray],
+    to_go: FloatArray,
+    limit: float,
+    work: _Arrays,
+    stop: Stop,
+) -> InformedCells | None:
+    found, complete = search_back(
+        graph.half, graph.width, *begins, to_go, limit, graph.smallest, stop, work.back, work.state
+    )
+    found = np.sort(found)
+    through = work.back[found] + to_go[found]
+    clear(found, work.back, work.least, work.state)
+    return _cells(graph, found.astype(np.int64), through) if complete else None
 
 
 def _towards(
@@ -203,9 +219,9 @@ def _towards(
     pivots: Pivots | None,
     limit: float,
     work: _Arrays,
-    stop: Stop | None,
+    stop: Stop,
     *,
-    is_tight: bool,
+    slack: float,
 ) -> tuple[npt.NDArray[np.int32], bool]:
     pivots = pivots or Pivots.none()
     chosen, low, high = pivots.towards(int(begins[0][0]), ends[0])
@@ -221,8 +237,8 @@ def _towards(
         low,
         high,
         limit,
-        is_tight,
-        np.zeros(1, dtype=np.uint8) if stop is None else stop,
+        slack,
+        stop,
         work.cost,
         work.least,
         work.state,

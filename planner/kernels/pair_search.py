@@ -21,8 +21,6 @@ _N_SLOTS = 16384
 UNREACHED = 65535
 # Bounds are lowered by this share, so that rounding never makes one too high.
 _LOWER = 1.0 - 1e-6
-# Cells up to this share above the cheapest path are searched: all paths that are equal up to rounding.
-_TIE = 1.0 + 1e-12
 _WAITS = 1
 _IS_END = 2
 
@@ -102,7 +100,7 @@ def search(
     low,
     high,
     limit,
-    is_tight,
+    slack,
     stop,
     cost,
     least,
@@ -110,8 +108,8 @@ def search(
 ):
     """Costs from seeds (S,) with costs (S,) towards ends (E,) with costs (E,).
 
-    Every cell with ``cost + bound to the ends ≤ limit`` gets its exact cost; with ``is_tight`` the limit
-    falls to the cheapest way to an end. A cost is an upper bound elsewhere, or inf. ``smallest``: of half.
+    Every cell with ``cost + bound to the ends ≤ limit`` gets its exact cost; the limit falls to ``slack``
+    times the cheapest way to an end. A cost is an upper bound elsewhere, or inf. ``smallest``: of half.
 
     Cells wait in layers of cost plus bound, those of the lowest layer in slots of cost. A layer is taken
     from its lowest slot upwards, so that a cell is expanded again only where a bound falls by more than a
@@ -194,10 +192,10 @@ def search(
             if total > limit:
                 continue
             cost[v] = new
-            if is_tight and state[v] & _IS_END:
+            if state[v] & _IS_END:
                 for e in range(ends.shape[0]):
                     if ends[e] == v:
-                        limit = min(limit, (new + end_costs[e]) * _TIE)
+                        limit = min(limit, (new + end_costs[e]) * slack)
             to = far
             if layer < far:
                 to = min(max(int(total * per_layer) - first, layer), far)

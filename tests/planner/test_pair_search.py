@@ -92,6 +92,19 @@ def test_informed_cells_are_all_those_below_the_limit(rng):
                     np.testing.assert_allclose(cells.through, through[cells.rows, cells.cols], rtol=1e-12)
 
 
+def test_cells_beside_the_path_are_the_informed_ones(rng):
+    graph, _ = graph_of(random_world(rng), radius=0.2)
+    pairs, pivots = PairSearch(), Pivots.build(graph)
+    for start, goal in places(graph, rng, 8):
+        expected = graph.costs_to(goal).path_from(start)
+        found = pairs.path(graph, start, goal, margin=0.02, pivots=pivots)
+        assert_same(found, expected)
+        if found.points is not None:
+            cells = pairs.informed_cells(graph, start, goal, found.cost * 1.02)
+            for name in ("rows", "cols", "through"):
+                np.testing.assert_array_equal(getattr(found.cells, name), getattr(cells, name))
+
+
 def test_places_without_a_way(rng):
     graph, _ = graph_of(world_from_ascii("#########\n#...#...#\n#########"))
     pairs, pivots = PairSearch(), Pivots.build(graph)
