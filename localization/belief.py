@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from localization import covariance as cov
 from localization.errors import LocalizationError, NotPositiveDefinite
+from localization.numbers import as_numbers
 from maps.arrays import FloatArray, frozen
 from maps.se2 import wrap
 
@@ -49,7 +50,7 @@ def require_covariance(covariance: npt.ArrayLike, n: int, what: str) -> FloatArr
     NotPositiveDefinite
         If it has another shape, or is not finite, symmetric and positive semidefinite.
     """
-    P = np.asarray(covariance, dtype=np.float64)
+    P = as_numbers(covariance, f"The covariance of {what}", NotPositiveDefinite)
     if P.shape != (n, n):
         raise NotPositiveDefinite(f"The covariance of {what} has shape {P.shape}; give ({n}, {n}).")
     if not is_positive_semidefinite(P):
@@ -86,7 +87,7 @@ class PoseBelief:
     kind: BeliefKind = "prior"
 
     def __post_init__(self) -> None:
-        mean = np.array(self.mean, dtype=np.float64)
+        mean = as_numbers(self.mean, "The mean", LocalizationError).copy()
         if mean.shape != (3,) or not np.isfinite(mean).all():
             raise LocalizationError(
                 f"The mean is {self.mean!r}; it must be three finite numbers (m, m, rad)."

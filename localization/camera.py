@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from localization.errors import BehindCamera, ColumnOutsideImage, InvalidSensor
+from localization.numbers import as_numbers, is_number
 from localization.sensors import PinholeSensor
 from maps.arrays import BoolArray, FloatArray
 
@@ -39,6 +40,10 @@ class Camera:
     width_px: float | None = None
 
     def __post_init__(self) -> None:
+        for name in ("focal_px", "principal_px", "width_px"):
+            value = getattr(self, name)
+            if not is_number(value) and not (name == "width_px" and value is None):
+                raise InvalidSensor(f"Camera {name} is {value!r}; it must be a number, px.")
         if not (math.isfinite(self.focal_px) and self.focal_px > 0):
             raise InvalidSensor(f"Camera focal_px is {self.focal_px}; it must be positive px and finite.")
         if not math.isfinite(self.principal_px):
@@ -81,7 +86,7 @@ class Camera:
         ColumnOutsideImage
             If a column is not in the image or not finite.
         """
-        u = np.asarray(columns, dtype=np.float64)
+        u = as_numbers(columns, "columns")
         if not (ok := self.inside(u)).all():
             limit = "finite" if self.width_px is None else f"from 0 to {self.width_px:g} px"
             raise ColumnOutsideImage(
@@ -98,7 +103,7 @@ class Camera:
         BehindCamera
             If a bearing is not within ±90° of the axis.
         """
-        b = np.asarray(bearings, dtype=np.float64)
+        b = as_numbers(bearings, "bearings")
         if not (ok := np.cos(b) > 1e-12).all():  # also false for NaN
             raise BehindCamera(
                 f"{np.count_nonzero(~ok)} of {b.size} bearings have no image column, the first is "
@@ -116,12 +121,12 @@ class Camera:
         InvalidSensor
             If the sigma is negative or not finite.
         """
-        u = np.asarray(columns, dtype=np.float64)
+        u = as_numbers(columns, "columns")
         if not np.isfinite(u).all():
             raise ColumnOutsideImage(
                 f"{np.count_nonzero(~np.isfinite(u))} of {u.size} image columns are not finite."
             )
-        if not 0 <= column_sigma_px < math.inf:
+        if not is_number(column_sigma_px) or not 0 <= column_sigma_px < math.inf:
             raise InvalidSensor(f"Camera column_sigma_px is {column_sigma_px}; it must be ≥ 0 px and finite.")
         t = (self.principal_px - u) / self.focal_px
         return np.asarray(column_sigma_px / (self.focal_px * (1.0 + t * t)))

@@ -13,6 +13,7 @@ from localization.belief import PoseBelief, require_covariance
 from localization.errors import LocalizationError, NotPositiveDefinite
 from localization.kernels import ekf as kernel
 from localization.motion import OdometryModel, check_increment
+from localization.numbers import as_numbers
 from localization.sensors import CENTRE, Mount
 from maps.arrays import BoolArray, FloatArray, frozen
 from maps.se2 import wrap
@@ -127,14 +128,14 @@ def update_with_bearings(
     LocalizationError
         If shapes or numbers are impossible.
     """
-    z = np.asarray(bearings, dtype=np.float64)
-    p = np.asarray(landmarks, dtype=np.float64)
+    z = as_numbers(bearings, "bearings")
+    p = as_numbers(landmarks, "landmarks")
     if z.ndim != 1 or p.shape != (len(z), 2):
         raise LocalizationError(f"{z.shape} bearings but {p.shape} landmarks; give (M,) and (M, 2).")
     if np.isinf(z).any() or not np.isfinite(p).all():
         raise LocalizationError("Bearings must be finite or NaN, and landmarks finite.")
-    s = np.asarray(sigma, dtype=np.float64)
-    survey = np.asarray(survey_sigma, dtype=np.float64)
+    s = as_numbers(sigma, "Sigma")
+    survey = as_numbers(survey_sigma, "Survey sigma")
     if s.shape not in {(), z.shape} or not ((s > 0) & (s <= MAX_SIGMA)).all():
         raise LocalizationError(
             f"Sigma is {sigma!r}; it must be positive, up to {MAX_SIGMA:g}, one number or one per bearing."
@@ -153,7 +154,12 @@ def update_with_bearings(
 
 
 def update_with_fix(
-    belief: PoseBelief, fix: npt.ArrayLike, covariance: npt.ArrayLike, *, gate: float | None = None
+    belief: PoseBelief,
+    fix: npt.ArrayLike,
+    covariance: npt.ArrayLike,
+    *,
+    gate: float | None = None,
+    mount: Mount = CENTRE,
 ) -> Update:
     """Belief after a fix of the pose or of the position alone, in Joseph form.
 
@@ -167,6 +173,9 @@ def update_with_fix(
         Shape (3, 3) or (2, 2), positive definite.
     gate
         Probability with which a good fix passes; outside it is left out. ``None``: it counts in any case.
+    mount
+        Where on the robot the sensor sits whose pose or position the fix is; by default at its centre, as the
+        fixes of ``triangulate`` and ``locate`` with a mount are. The innovation is of the sensor's pose.
 
     Raises
     ------
@@ -175,7 +184,7 @@ def update_with_fix(
     NotPositiveDefinite
         If the fix has no covariance, or a singular one.
     """
-    z = np.asarray(fix, dtype=np.float64)
+    z = as_numbers(fix, "fix")
     if z.shape not in {(2,), (3,)} or not np.isfinite(z).all():
         raise LocalizationError(
             f"Fix is {fix!r}; give two or three finite numbers (m, m, rad). No fix, no update."
@@ -183,14 +192,17 @@ def update_with_fix(
     n = len(z)
     R = require_covariance(covariance, n, "a fix")
     mean, P = belief.mean.copy(), belief.covariance.copy()
-    innovation = z - mean[:n]
+    ox, oy = mount.offset(float(mean[2]))
+    innovation = z - (mean + np.array([ox, oy, mount.theta]))[:n]
+    # A turn moves a sensor off the centre.
+    H = np.array([[1.0, 0.0, -oy], [0.0, 1.0, ox], [0.0, 0.0, 1.0]])[:n]
     if n == 3:
         innovation[2] = wrap(innovation[2])
     # With R = L Lᵀ the rows of L⁻¹ H have independent noise of variance 1. Units are scaled away first.
     scale = np.sqrt(np.where(np.diag(R) > 0, np.diag(R), 1.0))
     try:
         L = scale[:, None] * np.linalg.cholesky(R / scale[:, None] / scale[None, :])
-        S = P[:n, :n] + R
+        S = H @ P @ H.T + R
         size = np.sqrt(np.diag(S))
         white = np.linalg.solve(np.linalg.cholesky(S / size[:, None] / size[None, :]), innovation / size)
     except np.linalg.LinAlgError:
@@ -200,7 +212,7 @@ def update_with_fix(
     normalised = float(white @ white)
     accepted = normalised <= gate_quantile(gate, n)
     if accepted:
-        rows = np.linalg.solve(L, np.eye(n, 3))
+        rows = np.linalg.solve(L, H)
         kernel.update_rows(
             mean, P, rows, np.linalg.solve(L, innovation), np.ones(n), np.ones(n, dtype=np.bool_)
         )

@@ -22,8 +22,9 @@ class FieldMethod:
     estimator
         ``best_triplet`` or ``all_visible``.
     criterion
-        What is smallest, for the best triplet and for where a pan head looks: ``area`` or ``max_axis`` of the
-        95 % ellipse, or ``trace`` of the covariance.
+        What is smallest: ``area`` or ``max_axis`` of the 95 % ellipse, or ``trace`` of the covariance. For
+        ``best_triplet`` a pan head with the policy ``optimal`` minimises the area whatever the criterion,
+        which then only ranks; for ``all_visible`` it minimises the criterion itself.
 
     Raises
     ------

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+import operator
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
 import numpy.typing as npt
 
+from localization.errors import LocalizationError
 from localization.kernels.census import DEGENERATE_TRIPLET, FIX, NOT_IN_ONE_VIEW, count_outcomes, outcome
 from localization.kernels.field import TOUCH_M, inverted
 from localization.kernels.fix import is_muted
@@ -175,8 +178,10 @@ def triplet_status(
     Raises
     ------
     LocalizationError
-        If a landmark's measurement cannot even be spoken of: the point or heading is not finite.
+        If a landmark's measurement cannot even be spoken of: the point or heading is not finite, or the
+        indices are not three different ones of the world's landmarks.
     """
+    triplet = checked_triplet(world, triplet)
     rank_triplets(world, sensor, point, heading=heading, count=1)  # refuses what is not a place
     place = np.asarray(point, dtype=np.float64)
     at = place + sensor.mount.offset(heading)
@@ -185,6 +190,26 @@ def triplet_status(
         return TripletStatus.NOT_VISIBLE
     arrays = _arrays(world, sensor, at, turned, np.array(sorted(triplet), dtype=np.int64))
     return _OUTCOMES[int(outcome(0, 1, 2, *arrays, kernel_args(sensor, turned)))]
+
+
+def checked_triplet(world: World, triplet: Sequence[int]) -> tuple[int, int, int]:
+    """Three different indices into ``world.landmarks``, as plain numbers.
+
+    Raises
+    ------
+    LocalizationError
+        If they are not.
+    """
+    count = len(world.landmarks)
+    try:
+        indices = [operator.index(i) for i in triplet]
+    except TypeError:
+        indices = []
+    if len(indices) != 3 or len(set(indices)) != 3 or not all(0 <= i < count for i in indices):
+        raise LocalizationError(
+            f"Triplet is {triplet!r}; give three different numbers from 0 to {count - 1}."
+        )
+    return indices[0], indices[1], indices[2]
 
 
 def one_triplet(

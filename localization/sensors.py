@@ -20,6 +20,7 @@ from localization.kernels.fix import (
     OPTIMAL,
     TRACE,
 )
+from localization.numbers import is_number
 from maps.arrays import FloatArray, digest
 
 # Squares of squares of smaller numbers vanish in floating point.
@@ -31,6 +32,17 @@ _LEVER_MAX = 100.0
 Criterion = Literal["area", "max_axis", "trace"]
 #: What makes one triplet better than another: area or major axis of the ellipse, or sum of the variances.
 CRITERIA: dict[str, float] = {"area": AREA, "max_axis": MAX_AXIS, "trace": TRACE}
+
+
+def _check_types(sensor: Any, *, but: Sequence[str] = ()) -> None:
+    """Raise :class:`InvalidSensor` unless every field is a number, and the mount a mount."""
+    for field in fields(sensor):
+        value = getattr(sensor, field.name)
+        if field.name == "mount":
+            if not isinstance(value, Mount):
+                raise InvalidSensor(f"Sensor mount is {value!r}; it must be a Mount.")
+        elif field.name not in but and not is_number(value):
+            raise InvalidSensor(f"Sensor {field.name} is {value!r}; it must be a number.")
 
 
 def _require(ok: bool, name: str, value: float, rule: str) -> None:  # noqa: FBT001
@@ -69,6 +81,7 @@ class Mount:
     theta: float = 0.0
 
     def __post_init__(self) -> None:
+        _check_types(self)
         for name in ("x", "y", "theta"):
             value = getattr(self, name)
             _require(math.isfinite(value), f"mount.{name}", value, "finite")
@@ -124,11 +137,12 @@ class OmnidirectionalSensor:
     mount: Mount = CENTRE
 
     def __post_init__(self) -> None:
+        _check_types(self, but=("muted",))
         s = self.bearing_sigma
         _require(_SIGMA_MIN <= s < math.pi, "bearing_sigma", s, f"from {_SIGMA_MIN:g} to π rad")
         _check_range(self.min_range, self.max_range)
         _check_floor(self.bearing_floor)
-        object.__setattr__(self, "muted", tuple((float(a), float(b)) for a, b in self.muted))
+        object.__setattr__(self, "muted", _sectors(self.muted))
         for begin, end in self.muted:
             for value in (begin, end):
                 _require(abs(value) <= _TURN, "muted sector", value, "within ±2π rad (±360°)")
@@ -195,7 +209,7 @@ class PinholePanSensor:
         eps = 1e-9
         _require(-math.pi - eps <= lo <= math.pi + eps, "pan_min", lo, "within ±π rad (±180°)")
         _require(lo <= hi <= math.pi + eps, "pan_max", hi, f"between pan_min ({lo:g}) and π rad (180°)")
-        if self.pan_policy not in {"centred", "optimal"}:
+        if self.pan_policy not in ("centred", "optimal"):
             raise InvalidSensor(f"Sensor pan_policy is '{self.pan_policy}'; use 'centred' or 'optimal'.")
 
     @property
@@ -257,7 +271,18 @@ class PinholeFixedSensor:
         return True
 
 
+def _sectors(muted: Any) -> tuple[tuple[float, float], ...]:
+    try:
+        sectors = [tuple(sector) for sector in muted]
+    except TypeError:
+        sectors = [()]
+    if not all(len(s) == 2 and all(is_number(v) for v in s) for s in sectors):
+        raise InvalidSensor(f"Sensor muted is {muted!r}; it must be sectors (begin, end), rad.")
+    return tuple((float(begin), float(end)) for begin, end in sectors)
+
+
 def _check_camera(camera: PinholeSensor) -> None:
+    _check_types(camera, but=("pan_policy",))
     fov = camera.field_of_view
     _require(
         math.isfinite(fov) and 0 < fov < math.pi, "field_of_view", fov, "positive and below π rad (180°)"

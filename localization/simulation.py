@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -11,10 +11,12 @@ import numpy.typing as npt
 from localization.camera import Camera
 from localization.covariance import CHI2_95
 from localization.errors import DegenerateGeometry, LocalizationError
+from localization.fixes import Fixes, FixStatus, carried_to_robot
 from localization.kernels.fix import triplet_fix
-from localization.ranking import LandmarkStatus, landmark_statuses
-from localization.sensors import CENTRE, Mount, OmnidirectionalSensor, Sensor, kernel_args
-from localization.triangulation import Fixes, FixStatus, triangulate, triangulate_columns
+from localization.numbers import as_heading, as_place, is_number
+from localization.ranking import LandmarkStatus, checked_triplet, landmark_statuses
+from localization.sensors import CENTRE, OmnidirectionalSensor, Sensor, kernel_args
+from localization.triangulation import triangulate, triangulate_columns
 from localization.triplets import best_triplet
 from maps.arrays import BoolArray, FloatArray, frozen
 from maps.se2 import wrap
@@ -140,11 +142,9 @@ def simulate_fixes(
     DegenerateGeometry
         If there is no fix to first order: triplet not visible, not within the view, or on the danger circle.
     """
-    if not 1 <= n <= MAX_FIXES:
+    if not is_number(n) or not 1 <= n <= MAX_FIXES:
         raise LocalizationError(f"Number of fixes is {n}; it must be from 1 to {MAX_FIXES}.")
-    place = np.asarray(point, dtype=np.float64)
-    if place.shape != (2,) or not np.isfinite(place).all() or not math.isfinite(heading):
-        raise LocalizationError(f"Pose is {point!r}, {heading}; give finite x, y (m) and heading (rad).")
+    place, heading = as_place(point), as_heading(heading)
     pose = np.array([place[0], place[1], float(wrap(heading))])
     chosen = _chosen(world, sensor, pose, triplet)
     positions, survey = world.landmarks.positions, world.landmarks.sigma
@@ -187,26 +187,11 @@ def simulate_fixes(
         raise DegenerateGeometry(f"The triplet is too close to degenerate at ({pose[0]:g}, {pose[1]:g}) m.")
     covariance = predicted.covariance[0]
     if sensor.mount != CENTRE:
-        fixes, covariance = _of_robot(fixes, sensor.mount), _covariance_of_robot(covariance, at, pose)
+        fixes = fixes.of_robot(sensor.mount)
+        _, moved = carried_to_robot(at, covariance, sensor.mount)
+        assert moved is not None
+        covariance = moved
     return FixCloud(pose, chosen, three, fix[4], fixes, covariance)
-
-
-def _of_robot(fixes: Fixes, mount: Mount) -> Fixes:
-    """Fixes of the robot's pose from those of the sensor's."""
-    pose = fixes.pose.copy()
-    theta = pose[:, 2] - mount.theta
-    c, s = np.cos(theta), np.sin(theta)
-    pose[:, 0] -= c * mount.x - s * mount.y
-    pose[:, 1] -= s * mount.x + c * mount.y
-    pose[:, 2] = wrap(theta)
-    return replace(fixes, pose=pose)
-
-
-def _covariance_of_robot(covariance: FloatArray, sensor_pose: FloatArray, pose: FloatArray) -> FloatArray:
-    """Covariance (3, 3) of the robot's pose: the lever arm turns with the heading's error."""
-    ox, oy = sensor_pose[:2] - pose[:2]
-    jacobian = np.array([[1.0, 0.0, oy], [0.0, 1.0, -ox], [0.0, 0.0, 1.0]])
-    return np.asarray(jacobian @ covariance @ jacobian.T)
 
 
 def _off_axis(landmarks: FloatArray, pose: FloatArray, axis: float) -> FloatArray:
@@ -226,10 +211,7 @@ def _chosen(
         if best is None:
             raise DegenerateGeometry(f"No triplet gives a fix at {where}.")
         return best.triplet
-    count = len(world.landmarks)
-    if len(set(triplet)) != 3 or not all(0 <= i < count for i in triplet):
-        raise LocalizationError(f"Triplet is {triplet}; give three different numbers from 0 to {count - 1}.")
-    i, j, k = (int(t) for t in triplet)
+    i, j, k = checked_triplet(world, triplet)
     at = place + sensor.mount.offset(float(pose[2]))
     statuses = landmark_statuses(world, sensor, at, float(pose[2]))
     out = [t for t in (i, j, k) if statuses[t] is not LandmarkStatus.MEASURABLE]

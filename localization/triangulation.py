@@ -4,19 +4,30 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
-from enum import IntEnum
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import chi2 as chi2_distribution
 
 from localization.camera import Camera
 from localization.errors import DegenerateGeometry, InvalidMeasurement
+from localization.fixes import Fixes, FixStatus, PoseFix
 from localization.kernels import least_squares
 from localization.kernels import triangulation as kernel
 from localization.kernels.trigonometry import MAX_ANGLE
-from maps.arrays import BoolArray, FloatArray, frozen
+from localization.numbers import as_numbers, is_number
+from localization.sensors import CENTRE, Mount
+from maps.arrays import FloatArray
+
+__all__ = [
+    "MIN_RELIABILITY",
+    "FixStatus",
+    "Fixes",
+    "PoseFix",
+    "locate",
+    "locate_columns",
+    "triangulate",
+    "triangulate_columns",
+]
 
 #: Below it a fix counts as lying on the danger circle: rounding would decide the result.
 MIN_RELIABILITY = 1e-9
@@ -30,136 +41,13 @@ _NO_CAMERA = np.empty(0)
 _NO_PAN = np.zeros(1)
 
 
-class FixStatus(IntEnum):
-    """What became of a fix; everything but ``OK`` has no pose (NaN)."""
-
-    OK = int(kernel.OK)
-    #: Robot and landmarks on one circle or line, landmarks at one place, or the robot at a landmark.
-    DEGENERATE = int(kernel.DEGENERATE)
-    #: No pose sees the landmarks under these bearings.
-    NO_POSE = int(kernel.NO_POSE)
-    #: A number is not finite, or beyond 10⁵ rad, 10¹² m or 10¹² px.
-    NOT_FINITE = int(kernel.NOT_FINITE)
-    #: An image column that the camera does not have.
-    OUTSIDE_IMAGE = int(kernel.OUTSIDE_IMAGE)
-    #: Least squares: the information has no inverse.
-    SINGULAR = 5
-    #: Least squares: steps ran out.
-    NO_CONVERGENCE = 6
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Fixes:
-    """N fixes of three bearings each; read-only arrays.
-
-    Attributes
-    ----------
-    pose
-        Shape (N, 3): x, y (m) and heading (rad in [-π, π)) in W; NaN unless the status is ``OK``.
-    covariance
-        Shape (N, 3, 3): first-order covariance of the pose (m², m·rad, rad²), NaN as the pose; None when no
-        sigma was given.
-    status
-        Shape (N,): values of :class:`FixStatus`.
-    reliability
-        Shape (N,): 0 on the danger circle to 1; NaN where the input is not finite or outside the image.
-    """
-
-    pose: FloatArray
-    covariance: FloatArray | None
-    status: npt.NDArray[np.uint8]
-    reliability: FloatArray
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "pose", frozen(self.pose))
-        object.__setattr__(self, "status", frozen(self.status, np.uint8))
-        object.__setattr__(self, "reliability", frozen(self.reliability))
-        if self.covariance is not None:
-            object.__setattr__(self, "covariance", frozen(self.covariance))
-
-    def __len__(self) -> int:
-        return len(self.status)
-
-    @property
-    def ok(self) -> BoolArray:
-        """Shape (N,): which fixes have a pose."""
-        return np.asarray(self.status == FixStatus.OK)
-
-    def count(self, status: FixStatus) -> int:
-        """How many fixes ended so."""
-        return int(np.count_nonzero(self.status == status))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PoseFix:
-    """One fix of any number of bearings.
-
-    Attributes
-    ----------
-    pose
-        Shape (3,): x, y (m) and heading (rad in [-π, π)) in W; NaN unless the status is ``OK``.
-    covariance
-        Shape (3, 3): inverse of the information at the pose; NaN as the pose.
-    status
-        ``OK``, ``NO_POSE`` or ``DEGENERATE`` (no triplet gives a start), ``SINGULAR``, ``NO_CONVERGENCE``.
-    chi2
-        Weighted sum of squared residuals, with ``dof`` degrees of freedom; NaN without a start.
-    steps
-        Gauss-Newton steps tried.
-    dof
-        M - 3: bearings beyond those that a pose needs.
-
-    Notes
-    -----
-    ``OK`` says that the steps ended, not that the bearings agree: see :attr:`p_value`,
-    :meth:`is_consistent`. A misread landmark gives a pose too.
-    """
-
-    pose: FloatArray
-    covariance: FloatArray
-    status: FixStatus
-    chi2: float
-    steps: int
-    dof: int
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "pose", frozen(self.pose))
-        object.__setattr__(self, "covariance", frozen(self.covariance))
-
-    @property
-    def p_value(self) -> float:
-        """Probability that good bearings disagree at least so much: upper tail of χ² with ``dof`` degrees.
-
-        1 for three bearings, which always agree; NaN without a pose.
-        """
-        if not self.converged:
-            return math.nan
-        return float(chi2_distribution.sf(self.chi2, self.dof)) if self.dof > 0 else 1.0
-
-    def is_consistent(self, level: float = 0.999) -> bool:
-        """Whether there is a pose and its bearings agree as well as ``level`` of good ones do.
-
-        Raises
-        ------
-        InvalidMeasurement
-            If the level is not between 0 and 1.
-        """
-        if not 0 < level < 1:
-            raise InvalidMeasurement(f"Level is {level}; give a probability between 0 and 1, like 0.999.")
-        return self.converged and self.p_value >= 1.0 - level
-
-    @property
-    def converged(self) -> bool:
-        """Whether there is a pose."""
-        return self.status == FixStatus.OK
-
-
 def triangulate(
     bearings: npt.ArrayLike,
     landmarks: npt.ArrayLike,
     *,
     sigma: npt.ArrayLike | None = None,
     min_reliability: float = MIN_RELIABILITY,
+    mount: Mount = CENTRE,
 ) -> Fixes:
     """Poses from three bearings each, in closed form, for landmarks in any order and place.
 
@@ -173,11 +61,13 @@ def triangulate(
         Standard deviations of the bearings, rad: one, (3,) or (N, 3); None for no covariance.
     min_reliability
         Fixes at or below it are ``DEGENERATE``, in [1e-9, 1).
+    mount
+        Where the sensor sits on the robot; bearings count from its zero direction.
 
     Returns
     -------
     fixes
-        One per row of bearings.
+        One per row of bearings: pose of the robot's centre.
 
     Raises
     ------
@@ -200,7 +90,8 @@ def triangulate(
     [[1.0, 1.0, 0.0]]
     """
     b = _measured(bearings, "bearings")
-    return _fixes(b, landmarks, sigma, 1.0, _NO_PAN, _NO_CAMERA, min_reliability)
+    fixes = _fixes(b, landmarks, sigma, 1.0, _NO_PAN, _NO_CAMERA, min_reliability)
+    return fixes if mount == CENTRE else fixes.of_robot(mount)
 
 
 def triangulate_columns(
@@ -211,6 +102,7 @@ def triangulate_columns(
     pan: npt.ArrayLike = 0.0,
     sigma_px: npt.ArrayLike | None = None,
     min_reliability: float = MIN_RELIABILITY,
+    mount: Mount = CENTRE,
 ) -> Fixes:
     """Poses from three image columns each; sine and cosine are not needed.
 
@@ -218,12 +110,13 @@ def triangulate_columns(
     ----------
     columns
         Shape (N, 3) or (3,), px; outside the camera's image a fix is ``OUTSIDE_IMAGE``.
-    landmarks, min_reliability
+    landmarks, min_reliability, mount
         As for :func:`triangulate`.
     camera
         Which bearings the columns stand for.
     pan
-        Optical axis counter-clockwise from the robot's front, rad: one, or (N,).
+        Optical axis counter-clockwise from the mount's direction, by default the robot's front, rad: one, or
+        (N,).
     sigma_px
         Standard deviations of the columns, px: one, (3,) or (N, 3); a bearing has ``σ cos²ψ / f``.
 
@@ -238,17 +131,20 @@ def triangulate_columns(
         As for :func:`triangulate`; also when ``pan`` has another length.
     """
     u = _measured(columns, "columns")
-    axis = np.atleast_1d(np.asarray(pan, dtype=np.float64))
+    axis = np.atleast_1d(as_numbers(pan, "pan"))
     if axis.shape not in {(1,), (len(u),)}:
         raise InvalidMeasurement(
             f"pan has shape {axis.shape} for {len(u)} fixes; give one angle or one per fix."
         )
     width = math.inf if camera.width_px is None else camera.width_px
     args = np.array([camera.focal_px, camera.principal_px, width])
-    return _fixes(u, landmarks, sigma_px, 1.0 / camera.focal_px, axis, args, min_reliability)
+    fixes = _fixes(u, landmarks, sigma_px, 1.0 / camera.focal_px, axis, args, min_reliability)
+    return fixes if mount == CENTRE else fixes.of_robot(mount)
 
 
-def locate(bearings: npt.ArrayLike, landmarks: npt.ArrayLike, sigma: npt.ArrayLike) -> PoseFix:
+def locate(
+    bearings: npt.ArrayLike, landmarks: npt.ArrayLike, sigma: npt.ArrayLike, *, mount: Mount = CENTRE
+) -> PoseFix:
     """Pose from three or more bearings: weighted least squares, started from the best triplet's closed form.
 
     Parameters
@@ -259,11 +155,14 @@ def locate(bearings: npt.ArrayLike, landmarks: npt.ArrayLike, sigma: npt.ArrayLi
         Shape (M, 2): in W, m, at three places at least.
     sigma
         Standard deviations of the bearings, rad: one, or (M,); from 1e-12 to 1e12.
+    mount
+        Where the sensor sits on the robot; bearings count from its zero direction.
 
     Returns
     -------
     fix
-        The start is the triplet's pose with the smallest weighted sum of squared residuals over all bearings;
+        Of the robot's centre; whether the bearings agree with it, its ``p_value`` says. The start is the
+        triplet's pose with the smallest weighted sum of squared residuals over all bearings;
         should the steps from it fail, the next ones are tried.
 
     Raises
@@ -273,15 +172,15 @@ def locate(bearings: npt.ArrayLike, landmarks: npt.ArrayLike, sigma: npt.ArrayLi
     DegenerateGeometry
         If the landmarks stand at fewer than three places.
     """
-    b = np.ascontiguousarray(bearings, dtype=np.float64)
-    m = np.ascontiguousarray(landmarks, dtype=np.float64)
+    b = np.ascontiguousarray(as_numbers(bearings, "bearings"))
+    m = np.ascontiguousarray(as_numbers(landmarks, "landmarks"))
     if b.ndim != 1 or len(b) < 3 or m.shape != (len(b), 2):
         raise InvalidMeasurement(
             f"Bearings have shape {b.shape} and landmarks {m.shape}; give (M,) and (M, 2) with M ≥ 3."
         )
     if not (np.abs(b) <= MAX_ANGLE).all() or not (np.abs(m) <= kernel.MAX_COORDINATE).all():
         raise InvalidMeasurement("Bearings and landmarks must be finite, up to 1e5 rad and 1e12 m.")
-    s = np.asarray(sigma, dtype=np.float64)
+    s = as_numbers(sigma, "sigma")
     if s.shape not in {(), (len(b),)} or not ((s >= 1e-12) & (s <= MAX_SIGMA)).all():
         raise InvalidMeasurement(
             f"sigma is {s.tolist()}; give one or {len(b)} numbers from 1e-12 to {MAX_SIGMA:g} rad."
@@ -296,12 +195,72 @@ def locate(bearings: npt.ArrayLike, landmarks: npt.ArrayLike, sigma: npt.ArrayLi
         pose, covariance = start.copy(), np.empty((3, 3))
         outcome, steps, chi2 = least_squares.refine(b, m, weights, MAX_STEPS, pose, covariance)
         if outcome == least_squares.CONVERGED:
-            return PoseFix(pose, covariance, FixStatus.OK, chi2, steps, len(b) - 3)
+            fix = PoseFix(pose, covariance, FixStatus.OK, chi2, steps, len(b) - 3)
+            return fix if mount == CENTRE else fix.of_robot(mount)
         if failure.steps == 0:
             singular = outcome == least_squares.SINGULAR
             status = FixStatus.SINGULAR if singular else FixStatus.NO_CONVERGENCE
             failure = PoseFix(failure.pose, failure.covariance, status, chi2, steps, len(b) - 3)
     return failure
+
+
+def locate_columns(
+    columns: npt.ArrayLike,
+    landmarks: npt.ArrayLike,
+    camera: Camera,
+    sigma_px: float,
+    *,
+    pan: float = 0.0,
+    bearing_floor: float = 0.0,
+    mount: Mount = CENTRE,
+) -> PoseFix:
+    """Pose from three or more image columns, as :func:`locate`.
+
+    Parameters
+    ----------
+    columns
+        Shape (M,), px, M ≥ 3.
+    landmarks
+        Shape (M, 2): in W, m, at three places at least.
+    camera
+        Which bearings the columns stand for.
+    sigma_px
+        Standard deviation of a column, px; a bearing has ``σ cos²ψ / f``.
+    pan
+        Optical axis counter-clockwise from the mount's direction, rad.
+    bearing_floor
+        Constant part of the bearings' standard deviation, rad; the variances add.
+    mount
+        Where the camera sits on the robot.
+
+    Returns
+    -------
+    fix
+        Of the robot's centre.
+
+    Raises
+    ------
+    InvalidMeasurement, DegenerateGeometry
+        As for :func:`locate`; also when the pan or the floor is no such number.
+    ColumnOutsideImage
+        If a column is not in the image.
+    InvalidSensor
+        If the sigma of the columns is negative or not finite.
+
+    Examples
+    --------
+    >>> camera = Camera(500.0, 320.0, 640.0)
+    >>> fix = locate_columns([70.0, 320.0, 570.0], [[4, 2], [3, 0], [4, -2]], camera, 1.0)
+    >>> abs(fix.pose.round(6)).tolist()
+    [0.0, 0.0, 0.0]
+    """
+    u = as_numbers(columns, "columns")
+    if not (is_number(pan) and abs(pan) <= MAX_ANGLE):
+        raise InvalidMeasurement(f"pan is {pan!r}; give one angle, rad.")
+    if not (is_number(bearing_floor) and 0 <= bearing_floor < math.inf):
+        raise InvalidMeasurement(f"bearing_floor is {bearing_floor!r}; it must be ≥ 0 rad and finite.")
+    sigma = np.hypot(camera.bearing_sigma(u, sigma_px), bearing_floor)
+    return locate(camera.bearings(u) + pan, landmarks, sigma, mount=mount)
 
 
 def _starts(bearings: FloatArray, landmarks: FloatArray, weights: FloatArray) -> tuple[FloatArray, FixStatus]:
@@ -319,7 +278,7 @@ def _starts(bearings: FloatArray, landmarks: FloatArray, weights: FloatArray) ->
 
 
 def _measured(values: npt.ArrayLike, name: str) -> FloatArray:
-    out = np.atleast_2d(np.ascontiguousarray(values, dtype=np.float64))
+    out = np.atleast_2d(np.ascontiguousarray(as_numbers(values, name)))
     if out.ndim != 2 or out.shape[1] != 3:
         raise InvalidMeasurement(f"The {name} have shape {np.shape(values)}; give (N, 3) or (3,).")
     return out
@@ -336,7 +295,7 @@ def _fixes(
 ) -> Fixes:
     """Call the kernel; ``unit`` turns sigma into radians on the optical axis."""
     n = len(measured)
-    if not MIN_RELIABILITY <= min_reliability < 1:
+    if not is_number(min_reliability) or not MIN_RELIABILITY <= min_reliability < 1:
         raise InvalidMeasurement(
             f"min_reliability is {min_reliability}; it must be from {MIN_RELIABILITY:g} to below 1."
         )
@@ -359,7 +318,7 @@ def _read_only(array: FloatArray) -> FloatArray:
 
 
 def _triplets(landmarks: npt.ArrayLike, n: int) -> FloatArray:
-    m = np.ascontiguousarray(landmarks, dtype=np.float64)
+    m = np.ascontiguousarray(as_numbers(landmarks, "landmarks"))
     if m.shape == (n, 3, 2):
         return m
     if m.shape != (3, 2):
@@ -376,7 +335,7 @@ def _triplets(landmarks: npt.ArrayLike, n: int) -> FloatArray:
 
 
 def _variances(sigma: npt.ArrayLike, n: int) -> FloatArray:
-    s = np.asarray(sigma, dtype=np.float64)
+    s = as_numbers(sigma, "sigma")
     if s.shape not in {(), (3,), (n, 3)}:
         raise InvalidMeasurement(f"sigma has shape {s.shape}; give one number, (3,) or ({n}, 3).")
     if not ((s >= 0) & (s <= MAX_SIGMA)).all():

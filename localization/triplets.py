@@ -14,6 +14,7 @@ from localization.kernels.field import in_view, ranked_at
 from localization.kernels.fix import triplet_fix
 from localization.kernels.share import triplet_share
 from localization.method import FieldMethod
+from localization.numbers import as_heading, as_place, is_number
 from localization.sensors import Criterion, Sensor, kernel_args
 from localization.tiles import compute_tile
 from maps.arrays import FloatArray, frozen
@@ -152,7 +153,7 @@ def rank_triplets(
     LocalizationError
         If the point is not two finite numbers or the count is out of range.
     """
-    if not 1 <= count <= MAX_RANKED:
+    if not is_number(count) or not 1 <= count <= MAX_RANKED:
         raise LocalizationError(f"Count of triplets is {count}; it must be from 1 to {MAX_RANKED}.")
     place, visible = _seen_at(world, sensor, point, heading)
     if not bool(world.floor.free_at(place)):
@@ -195,11 +196,7 @@ def _seen_at(
     world: World, sensor: Sensor, point: npt.ArrayLike, heading: float
 ) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
     """The point, and the landmarks that are visible from where the sensor is then."""
-    place = np.asarray(point, dtype=np.float64)
-    if place.shape != (2,) or not np.isfinite(place).all():
-        raise LocalizationError(f"Point is {point!r}; it must be two finite numbers, m.")
-    if not math.isfinite(heading):
-        raise LocalizationError(f"Heading is {heading}; it must be finite, rad.")
+    place, heading = as_place(point), as_heading(heading)
     sensor_at = place + sensor.mount.offset(heading)
     ranges = {"min_range": sensor.min_range, "max_range": sensor.max_range}
     return place, visible_landmarks(world, sensor_at[None, :], **ranges)[0]

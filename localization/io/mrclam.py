@@ -41,7 +41,7 @@ BLOCK_S = 10.0
 JUMP_M = 0.05
 
 
-def read_mrclam_run(folder: Path, robot: int) -> BearingLog:
+def read_mrclam_run(folder: str | Path, robot: int) -> BearingLog:
     """One robot's run of a raw data set.
 
     Parameters
@@ -62,6 +62,7 @@ def read_mrclam_run(folder: Path, robot: int) -> BearingLog:
     LogFormatError
         If a file is missing or not such a file.
     """
+    folder = Path(folder)
     codes = table(_file(folder, "Barcodes.dat"), 2)
     subject_of = {int(code): int(subject) for subject, code in codes}
     if len(subject_of) != len(codes):
@@ -98,7 +99,7 @@ def read_mrclam_run(folder: Path, robot: int) -> BearingLog:
     )
 
 
-def read_mrclam_mat(path: Path) -> BearingLog:
+def read_mrclam_mat(path: str | Path) -> BearingLog:
     """The pooled poses of ``mrclamN.mat``: bearings that belong to one pose have one time, its number.
 
     Parameters
@@ -112,6 +113,7 @@ def read_mrclam_mat(path: Path) -> BearingLog:
     LogFormatError
         If the file is missing or not such a file.
     """
+    path = Path(path)
     try:
         content = loadmat(str(path), variable_names=["landmark", "groundtruth", "measurement"])
     except _BROKEN as error:

@@ -10,7 +10,7 @@ from localization.io.roh import read_roh
 from localization.validation import LogCase
 
 
-def read_real_logs(folder: Path) -> tuple[LogCase, ...]:
+def read_real_logs(folder: str | Path) -> tuple[LogCase, ...]:
     """MRCLAM ``mrclam1.mat``, ``Dataset1``, ``Dataset6`` and Roh, as ``validation_report`` takes them.
 
     Parameters
@@ -23,6 +23,7 @@ def read_real_logs(folder: Path) -> tuple[LogCase, ...]:
     LogFormatError
         If something is missing or not such a file.
     """
+    folder = Path(folder)
     mrclam = folder / "mrclam"
     if not mrclam.is_dir():
         raise LogFormatError(f"Folder '{folder.name}' has no 'mrclam'; give the folder of bearing logs.")

@@ -23,7 +23,7 @@ _PLACE = re.compile(r"^\(?X(-?\d+(?:\.\d+)?)[_,]Y(-?\d+(?:\.\d+)?)\)?\.csv$")
 _HEADING = math.pi / 2
 
 
-def read_roh(folder: Path) -> BearingLog:
+def read_roh(folder: str | Path) -> BearingLog:
     """All places of a folder, in the order of their names; the readings of one place are one block.
 
     Raises
@@ -31,6 +31,9 @@ def read_roh(folder: Path) -> BearingLog:
     LogFormatError
         If there is no place, or a file is not such a file.
     """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise LogFormatError(f"There is no folder '{folder}'.")
     positions = table(folder / "landmark.csv", 2)
     try:
         landmarks = LandmarkSet(tuple(str(i + 1) for i in range(len(positions))), positions)

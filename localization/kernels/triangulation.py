@@ -83,6 +83,8 @@ def _solve(s1, c1, s3, c3, ax, ay, bx, by, min_reliability):
     flat = (reliability <= min_reliability) | (NN <= 0.0) | lined | merged | touching
     status = NO_POSE if (D * G1 <= 0.0) | (D * G3 <= 0.0) else OK
     status = DEGENERATE if flat else status
+    # Landmarks at one place, or the robot at one, make no fix, however well the lines cross.
+    reliability = 0.0 if lined | merged | touching else reliability
     inverse = 1.0 / (1.0 if flat else NN)
     f = D * inverse
     return f * Nx, f * Ny, Nx, Ny, inverse, Ax, Ay, Bx, By, Ha, Hb, G1, G3, reliability, status

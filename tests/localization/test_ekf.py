@@ -11,6 +11,7 @@ from scipy.stats import chi2
 from localization.belief import NotPositiveDefinite, PoseBelief, is_positive_semidefinite
 from localization.ekf import predict, update_with_bearings, update_with_fix
 from localization.errors import LocalizationError
+from localization.fixes import carried_to_robot
 from localization.kernels import ekf as kernel
 from localization.kernels.fix import information_covariance
 from localization.motion import OdometryModel, move
@@ -272,3 +273,23 @@ def test_bearings_of_a_mounted_sensor(rng):
     np.testing.assert_allclose(belief.mean, pose, atol=1e-3)
     off = update_with_bearings(PoseBelief(pose, np.eye(3) * 1e-4), z, landmarks, sigma=1e-3).innovations
     assert np.abs(off).max() > 0.1
+
+
+def test_fixes_of_a_mounted_sensor_equal_those_of_the_robot(rng):
+    """To first order: the fix carried over to the centre, or an update with the sensor's own pose."""
+    mount = Mount(0.5, 0.2, 0.8)
+    belief = PoseBelief([1.0, 2.0, 0.3], np.diag([0.04, 0.02, 1e-4]))
+    ox, oy = mount.offset(0.3)
+    own = np.array([1.0 + ox + 0.02, 2.0 + oy - 0.01, 1.1 + 0.002])
+    R = np.diag([0.01, 0.02, 1e-4])
+    pose, covariance = carried_to_robot(own, R, mount)
+    direct = update_with_fix(belief, own, R, mount=mount)
+    carried = update_with_fix(belief, pose, covariance)
+    np.testing.assert_allclose(direct.posterior.mean, carried.posterior.mean, atol=1e-5)
+    np.testing.assert_allclose(
+        direct.posterior.covariance, carried.posterior.covariance, rtol=5e-3, atol=1e-6
+    )
+    assert direct.normalised[0] == pytest.approx(carried.normalised[0], rel=0.02)
+    # A position alone says something about the heading too, through the arm.
+    position = update_with_fix(belief, own[:2], 1e-8 * np.eye(2), mount=Mount(20.0))
+    assert position.posterior.sigma_theta < belief.sigma_theta

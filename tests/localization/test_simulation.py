@@ -126,9 +126,9 @@ def test_headings_wrap(rng):
     [
         ({"n": 0}, LocalizationError, "Number of fixes is 0"),
         ({"n": 10**8}, LocalizationError, "Number of fixes"),
-        ({"point": (1.0, math.nan)}, LocalizationError, "Pose is"),
-        ({"point": (1.0,)}, LocalizationError, "Pose is"),
-        ({"heading": math.inf}, LocalizationError, "Pose is"),
+        ({"point": (1.0, math.nan)}, LocalizationError, "finite"),
+        ({"point": (1.0,)}, LocalizationError, "finite"),
+        ({"heading": math.inf}, LocalizationError, "finite"),
         ({"triplet": (0, 1, 1)}, LocalizationError, "three different numbers from 0 to 3"),
         ({"triplet": (0, 1, 4)}, LocalizationError, "three different numbers"),
         ({"triplet": (-1, 1, 2)}, LocalizationError, "three different numbers"),

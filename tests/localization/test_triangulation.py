@@ -9,9 +9,10 @@ import pytest
 from scipy.optimize import least_squares as scipy_least_squares
 
 from localization.camera import Camera
-from localization.errors import DegenerateGeometry
+from localization.errors import ColumnOutsideImage, DegenerateGeometry, InvalidMeasurement
 from localization.kernels import least_squares
-from localization.triangulation import FixStatus, InvalidMeasurement, locate, triangulate, triangulate_columns
+from localization.sensors import Mount
+from localization.triangulation import FixStatus, locate, locate_columns, triangulate, triangulate_columns
 from tests import oracles
 
 THREE = np.array([[3.0, 1.0], [1.0, 2.0], [1.0, 0.0]])
@@ -305,3 +306,75 @@ def test_start_on_a_landmark():
 def test_impossible_input_of_least_squares(bearings, landmarks, sigma, error, message):
     with pytest.raises(error, match=message):
         locate(bearings, landmarks, sigma)
+
+
+MOUNT = Mount(0.4, -0.2, 0.7)
+PLACES = np.array([[6.0, 1.0], [1.0, 7.0], [-3.0, 2.0], [2.0, -4.0], [5.0, 5.0]])
+ROBOT = np.array([1.0, 1.5, 0.6])
+
+
+def sensor_pose(robot, mount):
+    ox, oy = mount.offset(robot[2])
+    return np.array([robot[0] + ox, robot[1] + oy, robot[2] + mount.theta])
+
+
+def seen(pose, places):
+    d = places - pose[:2]
+    return np.arctan2(d[:, 1], d[:, 0]) - pose[2]
+
+
+def test_a_mounted_sensor_gives_the_robot_s_pose(rng):
+    z = seen(sensor_pose(ROBOT, MOUNT), PLACES)
+    noise = rng.normal(size=(4000, 5)) * 1e-3
+    many = triangulate(z[:3] + noise[:, :3], PLACES[:3], sigma=1e-3, mount=MOUNT)
+    exact = triangulate(z[:3], PLACES[:3], sigma=1e-3, mount=MOUNT)
+    np.testing.assert_allclose(exact.pose[0], ROBOT, atol=1e-12)
+    sample = np.cov((many.pose - ROBOT).T)
+    np.testing.assert_allclose(exact.covariance[0], sample, rtol=0.1, atol=0.05 * np.abs(sample).max())
+    plain = triangulate(z[:3], PLACES[:3], sigma=1e-3)
+    np.testing.assert_allclose(plain.of_robot(MOUNT).covariance, exact.covariance)
+    fix = locate(z, PLACES, 1e-3, mount=MOUNT)
+    np.testing.assert_allclose(fix.pose, ROBOT, atol=1e-9)
+    fixes = np.array([locate(z + e, PLACES, 1e-3, mount=MOUNT).pose for e in noise[:1500]])
+    sample = np.cov((fixes - ROBOT).T)
+    np.testing.assert_allclose(fix.covariance, sample, rtol=0.15, atol=0.05 * np.abs(sample).max())
+    assert triangulate([0.3, 0.3, 0.3], PLACES[:3], sigma=0.1, mount=MOUNT).count(FixStatus.DEGENERATE) == 1
+
+
+def test_columns_of_a_mounted_camera():
+    camera, pan = Camera(500.0, 300.0), -0.5
+    front = PLACES[[0, 4, 1]]
+    axis = sensor_pose(ROBOT, MOUNT) + np.array([0.0, 0.0, pan])
+    u = camera.columns(seen(axis, front))
+    fixes = triangulate_columns(u, front, camera, pan=pan, sigma_px=1.0, mount=MOUNT)
+    np.testing.assert_allclose(fixes.pose[0], ROBOT, atol=1e-9)
+    fix = locate_columns(u, front, camera, 1.0, pan=pan, mount=MOUNT)
+    np.testing.assert_allclose(fix.pose, ROBOT, atol=1e-9)
+    np.testing.assert_allclose(fix.covariance, fixes.covariance[0], rtol=1e-6)
+    blurred = locate_columns(u, front, camera, 1.0, pan=pan, mount=MOUNT, bearing_floor=0.01)
+    assert np.linalg.det(blurred.covariance) > np.linalg.det(fix.covariance)
+    with pytest.raises(ColumnOutsideImage):
+        locate_columns([1.0, 2.0, 700.0], front, Camera(500.0, 300.0, 600.0), 1.0)
+    with pytest.raises(InvalidMeasurement, match="bearing_floor"):
+        locate_columns(u, front, camera, 1.0, bearing_floor=-1.0)
+
+
+def test_fixes_say_how_well_their_bearings_agree(rng):
+    z = seen(ROBOT, PLACES)
+    p = [locate(z + rng.normal(size=5) * 0.01, PLACES, 0.01).p_value for _ in range(400)]
+    # Uniform, as p-values of a true model are.
+    assert np.mean(p) == pytest.approx(0.5, abs=0.05)
+    assert np.mean(np.array(p) < 0.1) == pytest.approx(0.1, abs=0.05)
+    misread = locate(z + np.array([0, 0, 0.5, 0, 0]), PLACES, 0.01)
+    assert misread.status is FixStatus.OK
+    assert misread.dof == 2
+    assert misread.p_value < 1e-9
+    assert not misread.is_consistent()
+    good = locate(z, PLACES, 0.01)
+    assert good.is_consistent(0.5)
+    assert locate(z[:3], PLACES[:3], 0.01).p_value == 1.0
+    none = locate([0.0, 0.0, 0.0], PLACES[:3], 0.01)
+    assert math.isnan(none.p_value)
+    assert not none.is_consistent()
+    with pytest.raises(InvalidMeasurement, match="Level"):
+        good.is_consistent(1.0)

@@ -24,10 +24,14 @@ from localization.errors import (
     InvalidMeasurement,
     InvalidSensor,
     LocalizationError,
+    LogFormatError,
     NotPositiveDefinite,
 )
 from localization.field_builder import build_field
+from localization.io.mrclam import read_mrclam_mat, read_mrclam_run
+from localization.io.roh import read_roh
 from localization.logs import BearingLog
+from localization.ranking import one_triplet, triplet_status
 from localization.sensors import (
     FORWARD_CAMERA,
     LASER,
@@ -38,7 +42,13 @@ from localization.sensors import (
     PinholePanSensor,
 )
 from localization.simulation import simulate_fixes
-from localization.triangulation import FixStatus, locate, triangulate, triangulate_columns
+from localization.triangulation import (
+    FixStatus,
+    locate,
+    locate_columns,
+    triangulate,
+    triangulate_columns,
+)
 from localization.triplets import best_triplet, rank_triplets
 from maps.errors import DuplicateLandmark, InvalidLandmark, SurepathError, TooFewLandmarks
 from maps.landmarks import LandmarkSet
@@ -92,6 +102,7 @@ class TestCoincidentLandmarks:
     def test_one_fix_among_many_is_flagged(self):
         fixes = triangulate([BEARINGS] * 3, [CORNER, CORNER[[0, 0, 2]], CORNER[[1, 1, 1]]], sigma=0.01)
         assert fixes.status.tolist() == [FixStatus.OK, FixStatus.DEGENERATE, FixStatus.DEGENERATE]
+        assert fixes.reliability[1:].tolist() == [0.0, 0.0]
         assert_flagged(fixes)
 
     def test_least_squares_need_three_places(self):
@@ -104,8 +115,12 @@ class TestRobotAtALandmark:
     def test_closed_form(self):
         # From the landmark's own place its bearing may be anything.
         for own in (0.0, 1.0, 2.5):
-            fixes = triangulate([own, 0.0, math.pi / 2], CORNER, sigma=0.01)
-            assert_flagged(fixes)
+            for order in ([0, 1, 2], [1, 0, 2], [1, 2, 0]):
+                bearings = np.array([own, 0.0, math.pi / 2])[order]
+                fixes = triangulate(bearings, CORNER[order], sigma=0.01)
+                assert_flagged(fixes)
+                assert fixes.status.tolist() == [FixStatus.DEGENERATE]
+                assert fixes.reliability.tolist() == [0.0]
 
     def test_field_and_triplets_leave_it_out(self):
         at = WORLD.landmarks.positions[0]
@@ -364,6 +379,12 @@ class TestPlaces:
         with pytest.raises(LocalizationError, match="three different numbers"):
             simulate_fixes(WORLD, LASER, (1.0, 1.0), triplet=triplet, n=5, rng=np.random.default_rng(1))
 
+    @pytest.mark.parametrize("triplet", [(0, 1), (0, 0, 1), (0, 1, 9), (-1, 0, 1), "abc", None, (0, 1, 2.5)])
+    def test_one_triplet_s_status(self, triplet):
+        for call in (triplet_status, one_triplet):
+            with pytest.raises(LocalizationError, match="three different numbers"):
+                call(WORLD, LASER, (1.0, 1.0), triplet)
+
     def test_failed_fixes_are_counted(self):
         # Noise of 30°: many measurements admit no pose.
         wild = OmnidirectionalSensor(bearing_sigma=math.radians(30.0))
@@ -373,6 +394,89 @@ class TestPlaces:
         assert np.isfinite(cloud.errors).all()
         assert_flagged(cloud.fixes)
         assert not cloud.inside[~cloud.fixes.ok].any()
+
+
+class TestWhatIsNoNumber:
+    @pytest.mark.parametrize("bad", ["x", None, True, [1.0], 1j])
+    def test_in_sensors(self, bad):
+        for call in (
+            lambda: OmnidirectionalSensor(bearing_sigma=bad),
+            lambda: OmnidirectionalSensor(0.1, max_range=bad),
+            lambda: OmnidirectionalSensor(0.1, mount=bad),
+            lambda: OmnidirectionalSensor(0.1, muted=[(0.0, bad)]),
+            lambda: replace(MAS97_CAMERA, field_of_view=bad),
+            lambda: replace(MAS97_CAMERA, pan_min=bad),
+            lambda: replace(MAS97_CAMERA, pan_policy=bad),
+            lambda: replace(FORWARD_CAMERA, mount=bad),
+            lambda: Mount(bad),
+            lambda: Camera(bad),
+            lambda: Camera(500.0, principal_px=bad),
+        ):
+            with pytest.raises(InvalidSensor):
+                call()
+
+    @pytest.mark.parametrize("muted", [[(0,)], [(0, 1, 2)], [0.5], 3, "ab", None])
+    def test_in_muted_sectors(self, muted):
+        with pytest.raises(InvalidSensor, match="muted"):
+            OmnidirectionalSensor(0.1, muted=muted)
+
+    def test_whole_numbers_are_numbers(self):
+        assert OmnidirectionalSensor(1, max_range=np.int64(5)).max_range == 5
+        assert OmnidirectionalSensor(np.float32(0.5)).bearing_sigma == 0.5
+
+    @pytest.mark.parametrize("point", ["ab", None, ["a", 1], [[1, 2], [3]], object()])
+    def test_in_places(self, point):
+        for call in (
+            lambda: best_triplet(WORLD, LASER, point),
+            lambda: rank_triplets(WORLD, LASER, point),
+            lambda: triplet_status(WORLD, LASER, point, (0, 1, 2)),
+            lambda: simulate_fixes(WORLD, LASER, point, rng=np.random.default_rng(1)),
+        ):
+            with pytest.raises(LocalizationError):
+                call()
+
+    @pytest.mark.parametrize("heading", ["x", None, [1.0], True])
+    def test_in_headings_and_counts(self, heading):
+        for call in (
+            lambda: best_triplet(WORLD, LASER, (1.0, 1.0), heading=heading),
+            lambda: simulate_fixes(WORLD, LASER, (1.0, 1.0), heading=heading, rng=np.random.default_rng(1)),
+            lambda: rank_triplets(WORLD, LASER, (1.0, 1.0), count=heading),
+            lambda: simulate_fixes(WORLD, LASER, (1.0, 1.0), n=heading, rng=np.random.default_rng(1)),
+        ):
+            with pytest.raises(LocalizationError):
+                call()
+
+    @pytest.mark.parametrize("bad", [["a", 1, 2], "abc", [[1, 2, 3], [4]], object()])
+    def test_in_measurements(self, bad):
+        camera = Camera(500.0, 320.0, 640.0)
+        columns = [100.0, 200.0, 300.0]
+        for call in (
+            lambda: triangulate(bad, CORNER),
+            lambda: triangulate(BEARINGS, bad),
+            lambda: triangulate(BEARINGS, CORNER, sigma=bad),
+            lambda: triangulate(BEARINGS, CORNER, min_reliability=bad),
+            lambda: triangulate_columns(bad, CORNER, camera),
+            lambda: triangulate_columns(columns, CORNER, camera, pan=bad),
+            lambda: locate(bad, CORNER, 0.1),
+            lambda: locate(BEARINGS, CORNER, bad),
+            lambda: locate_columns(bad, CORNER, camera, 1.0),
+            lambda: locate_columns(columns, CORNER, camera, 1.0, pan=bad),
+            lambda: locate_columns(columns, CORNER, camera, bad),
+            lambda: camera.bearings(bad),
+            lambda: camera.columns(bad),
+            lambda: camera.bearing_sigma(columns, bad),
+            lambda: update_with_bearings(BELIEF, bad, CORNER, sigma=0.1),
+            lambda: update_with_fix(BELIEF, bad, np.eye(3)),
+            lambda: update_with_fix(BELIEF, [0.0, 0.0, 0.0], bad),
+            lambda: PoseBelief(bad, np.eye(3)),
+        ):
+            with pytest.raises(LocalizationError):
+                call()
+
+    def test_in_names_of_files(self):
+        for call in (read_mrclam_mat, read_roh, lambda name: read_mrclam_run(name, 1)):
+            with pytest.raises(LogFormatError):
+                call("/nowhere/at all")
 
 
 def test_errors_all_stand_in_the_tree():
