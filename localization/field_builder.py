@@ -76,6 +76,8 @@ def build_field(
         If the grid would have more cells than ``max_cells``.
     InvalidGeometry
         If the resolution is not positive.
+    LocalizationError
+        If the heading is not finite.
     Cancelled
         If ``cancelled()`` said so.
 
@@ -84,6 +86,8 @@ def build_field(
     A landmark within a millimetre of the sensor has no bearing there and does not count.
     """
     world.require_triangulation()
+    if not math.isfinite(heading):
+        raise LocalizationError(f"Heading is {heading}; it must be finite, rad.")
     frame = _checked_frame(world, resolution, max_cells)
     turned = float(wrap(heading)) if sensor.depends_on_heading else 0.0
     return _built(world, sensor, frame, [turned], method, _Run(threads, progress, cancelled))[0]

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from localization import covariance as cov
+from localization.heading_field import HeadingField
 from localization.uncertainty_field import UncertaintyField
 from maps.arrays import BoolArray, FloatArray, frozen
 from maps.clearance import ClearanceIndex
@@ -18,6 +19,7 @@ from planner.background import Background, Keep, Make
 from planner.cost_space import cost_space_for
 from planner.cost_to_go import CostToGo, GridGraph, Place
 from planner.extras import NO_EXTRAS, Extras, cost_factors, forbidden_cells, judged_covariance
+from planner.fused_belief import FusedField
 from planner.pair_search import GridPath, InformedCells, PairSearch
 from planner.pivots import COUNT, Pivots
 from planner.risk import cell_probabilities
@@ -62,12 +64,17 @@ class PlanningContext:
     Parameters
     ----------
     field
-        The uncertainty field; its frame is the planning grid.
+        The uncertainty field; its frame is the planning grid. Over headings: plans drive by the heading of
+        travel, and everything that knows no headings counts on the best one.
     cache_bytes
         Memory for the graphs and, as much again each, for costs to go and for pivots, bytes.
     """
 
-    def __init__(self, field: UncertaintyField, *, cache_bytes: int = CACHE_BYTES) -> None:
+    def __init__(self, field: UncertaintyField | HeadingField, *, cache_bytes: int = CACHE_BYTES) -> None:
+        #: The field over headings, if it is one.
+        self.headings = field if isinstance(field, HeadingField) else None
+        if isinstance(field, HeadingField):
+            field = field.reduced("best")
         #: What planning counts on: where first order fails the ellipses are enlarged, or there is no fix.
         self.field = field.trusted()
         self.r95: FloatArray = frozen(self.field.r95)
@@ -114,6 +121,10 @@ class PlanningContext:
             return graph, graph.half.nbytes + space.rate.nbytes + space.passable.nbytes
 
         return self._cached(self._graphs, (radius, weight, max_r95, blind_rate, extras), build)
+
+    def fused(self) -> FusedField:
+        """Information of one fix in every cell, for searches by the filter's belief."""
+        return self._cached(self._costs, "fused", lambda: _with_size(FusedField.from_field(self.field)))
 
     def values_of(self, name: str, radius: float, blind_r95: float | None = None) -> FloatArray:
         """Shape (ny, nx): what a bound is compared with in each cell; NaN where it says nothing.
@@ -285,3 +296,7 @@ class PlanningContext:
             with self._lock:
                 cache.put(key, built, size)
         return built
+
+
+def _with_size(fused: FusedField) -> tuple[FusedField, int]:
+    return fused, fused.information.nbytes + fused.widening.nbytes

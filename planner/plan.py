@@ -11,9 +11,11 @@ from maps.arrays import FloatArray
 from planner import sampling, smoothing
 from planner.annotate import annotate
 from planner.any_angle import shorten
+from planner.belief_plan import plan_by_belief
 from planner.clock import Clock
 from planner.context import PlanningContext
 from planner.ends import check_ends
+from planner.errors import InvalidProblem
 from planner.example_context import example_context
 from planner.extras import Extras
 from planner.grid_search import Way, find_shortest, find_way
@@ -21,6 +23,8 @@ from planner.informed import sampled_from
 from planner.margin import hugs_forbidden, way_with_room
 from planner.motion import Motion, least_limit, move_along, stops_in_words
 from planner.narrow import is_disconnected, refined
+from planner.pose_plan import warm_up as warm_up_poses
+from planner.pose_question import plan_facing, plan_with_poses
 from planner.problem import PlanningProblem
 from planner.result import PlanResult, PlanStatus, Route, Trajectory
 from planner.timing import time_polyline
@@ -86,6 +90,11 @@ def plan(problem: PlanningProblem, context: PlanningContext, *, report: Report |
         return result
     clock = Clock(problem.deadline)
     check_ends(problem, context)
+    special = _special(problem, context, clock)
+    if special is not None:
+        if report is not None and special.route is not None:
+            report(special)
+        return special
     way, context, proven = first_way(problem, context, clock)
     if way is None:
         return nothing_found(problem, context, clock, proven=proven)
@@ -274,6 +283,44 @@ def _shortest(
     return route if route.summary.length < shortest.summary.length else shortest
 
 
+def _special(problem: PlanningProblem, context: PlanningContext, clock: Clock) -> PlanResult | None:
+    """Answer to a question that another search than that over cells has to find; None for the others."""
+
+    def baseline() -> Route | None:
+        return _baseline(problem, context, clock)
+
+    by_pose = problem.has_pose or context.headings is not None
+    by_belief = problem.covariance == "fused" or problem.max_blind_distance is not None
+    if by_pose and by_belief:
+        raise InvalidProblem(
+            "Beliefs and blind distances are searched for a disc that drives in every direction, on a field "
+            "of one heading; leave out kinematics, headings and footprint, or covariance 'fused' and "
+            "max_blind_distance."
+        )
+    if by_pose and problem.faces_its_way and context.headings is None:
+        plain = replace(problem, kinematics="holonomic", start_heading=None, goal_heading=None)
+        faced = plan_facing(problem, context, plan(plain, context))
+        if faced is not None:
+            return faced
+    if by_pose:
+        return plan_with_poses(problem, context, clock, headings=context.headings, baseline=baseline)
+    if by_belief:
+        return plan_by_belief(problem, context, clock, baseline=baseline)
+    return None
+
+
+def _baseline(problem: PlanningProblem, context: PlanningContext, clock: Clock) -> Route | None:
+    """The shortest route beside one that a search over beliefs found; None when there is no time for it."""
+    if clock.is_over():
+        return None
+    found = find_shortest(problem, context, clock)
+    if found is None:
+        return None
+    quiet = Clock(problem.deadline)
+    quiet.began = clock.began
+    return _finish(found, problem, context, quiet, _Work("shortest route", _SHORTEST_SHARES))
+
+
 def _asks_for_length(problem: PlanningProblem) -> bool:
     """Whether the question is the one for the shortest route: length counts, nothing else is asked."""
     is_free = problem.max_r95 is None and problem.blind_r95 is not None and problem.objective != "minimax"
@@ -362,6 +409,7 @@ def warm_up() -> None:
     context = example_context()
     sampling.warm_up()
     smoothing.warm_up()
+    warm_up_poses()
     for bound in (None, 0.05):
         plan(
             PlanningProblem((1.0, 1.0), (5.0, 5.0), 0.2, max_r95=bound, deadline=30.0, refine=50),

@@ -16,6 +16,7 @@ from planner.clock import Clock
 from planner.context import PlanningContext
 from planner.cost_space import CostSpace
 from planner.extras import Extras
+from planner.facing import faced
 from planner.footprint import Footprint, fitting_headings
 from planner.lattice import Outcome
 from planner.pose_plan import PosePath, plan_poses
@@ -92,6 +93,32 @@ def plan_with_poses(
         warnings=tuple(work.warnings),
         stats={f"{k}_s": v for k, v in clock.seconds.items()} | {"total_s": clock.elapsed},
     )
+
+
+def plan_facing(problem: PlanningProblem, context: PlanningContext, base: PlanResult) -> PlanResult | None:
+    """The plan of a robot that turns in place and faces its way, from that of one that needs no heading.
+
+    Returns
+    -------
+    result
+        None where its motion cannot be driven so; then the lattice of poses must be searched.
+    """
+    if base.route is None:
+        return base
+    work = _Work(problem, context, Clock(problem.deadline), None)
+    weight = problem.effective_weight
+    space = context.graph(radius=problem.radius, weight=weight, blind_rate=1.0 + weight).cost_space
+    motion = faced(
+        base.route.trajectory,
+        space,
+        work.limits,
+        start_heading=problem.start_heading,
+        goal_heading=problem.goal_heading,
+    )
+    if motion is None:
+        return None
+    route = annotate(motion.to_trajectory(), context, space, cost=base.route.summary.cost)
+    return replace(base, route=work.with_headings(route, motion), planner=f"{base.planner}+facing")
 
 
 class _Work:
@@ -192,12 +219,8 @@ class _Work:
         """The motion with what is known along it; headings are the robot's own."""
         trajectory = motion.to_trajectory()
         route = annotate(trajectory, self.context, space.cost_space, cost=path.cost)
-        steps = np.hypot(*np.diff(motion.poses[:, :2], axis=0).T)
-        arc = np.concatenate([[0.0], np.cumsum(steps)])
-        at = np.clip(np.searchsorted(arc, route.path.s - 1e-9), 0, len(arc) - 1)
-        at[-1] = len(arc) - 1  # after the last turn in place
-        told = replace(route.path, heading=motion.poses[at, 2])
-        route = replace(route, path=told)
+        route = self.with_headings(route, motion)
+        arc, at = _stations(route, motion)
         if self.footprint is not None:
             clearance = self.footprint.clearance(self.context.clearance, motion.poses)
             least = float(clearance.min())
@@ -211,6 +234,11 @@ class _Work:
             summary = replace(route.summary, min_clearance=least)
             route = replace(route, path=told, summary=summary)
         return route if self.headings is None else self._at_headings(route, motion, arc)
+
+    def with_headings(self, route: Route, motion: PoseTrajectory) -> Route:
+        """The route with the robot's own headings."""
+        _, at = _stations(route, motion)
+        return replace(route, path=replace(route.path, heading=motion.poses[at, 2]))
 
     def _at_headings(self, route: Route, motion: PoseTrajectory, arc: FloatArray) -> Route:
         """Covariances of the robot's heading at each place, and figures of them."""
@@ -291,6 +319,15 @@ class _Work:
             )
             out.append(Unmet(name, limit, value, (float(x), float(y)), None, message))
         return tuple(out)
+
+
+def _stations(route: Route, motion: PoseTrajectory) -> tuple[FloatArray, IntArray]:
+    """Arc lengths of the motion's samples, and the sample at each waypoint of the route."""
+    steps = np.hypot(*np.diff(motion.poses[:, :2], axis=0).T)
+    arc = np.concatenate([[0.0], np.cumsum(steps)])
+    at = np.clip(np.searchsorted(arc, route.path.s - 1e-9), 0, len(arc) - 1)
+    at[-1] = len(arc) - 1  # after the last turn in place
+    return arc, at
 
 
 def _nothing(path: PosePath, clock: Clock) -> PlanResult:

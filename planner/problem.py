@@ -186,6 +186,11 @@ class PlanningProblem:
         ends = self.start_heading is not None or self.goal_heading is not None
         return ends or self.kinematics != "holonomic" or self.footprint is not None
 
+    @property
+    def faces_its_way(self) -> bool:
+        """Whether it is a disc that can turn in place."""
+        return self.kinematics in {"holonomic", "differential"} and self.footprint is None
+
     def _check_belief(self) -> None:
         if self.covariance not in {"fix", "fused"}:
             raise InvalidProblem(f"The covariance is '{self.covariance}'; use 'fix' or 'fused'.")

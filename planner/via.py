@@ -76,8 +76,12 @@ def plan_via(problem: PlanningProblem, context: PlanningContext, plan_leg: PlanL
         if not clock.is_over():
             deadline = max(left, MIN_DEADLINE_S)
             leg = replace(whole, start=start, goal=goal, via=(), deadline=deadline)
-            # It is of the start of the whole.
-            result = plan_leg(leg if k == 0 else replace(leg, start_covariance=None), context)
+            # These are of the ends of the whole.
+            if k > 0:
+                leg = replace(leg, start_covariance=None, start_heading=None)
+            if k < len(legs) - 1:
+                leg = replace(leg, goal_heading=None)
+            result = plan_leg(leg, context)
             results.append(result)
             said += [where + warning for warning in result.warnings]
         if result is None or result.route is None:
