@@ -272,10 +272,48 @@ class Baseline(Answer):
     path: list[Waypoint]
 
 
+class FrontPlace(Answer):
+    """Where a route stands on its front, and how to ask for it alone."""
+
+    against: str = Field(description="worst or mean.")
+    r95_m: float | None = Field(description="Worst or mean r95; stretches without a fix as blind_r95_m.")
+    max_r95_m: float | None = Field(
+        description="Bound under which a shortest path is this one; null: without a bound, or against mean."
+    )
+    uncertainty_weight_per_m: float | None = Field(
+        description="Weight under which the cheapest path is this one; null against worst."
+    )
+
+
+class Stretch(Answer):
+    """A part of a route on which one triplet is looked at; null: dead reckoning."""
+
+    s_start_m: float
+    s_end_m: float
+    t_start_s: float
+    t_end_s: float
+    triplet: list[str] | None
+    pan_start_rad: float | None = Field(description="Where a pan head looks, from its zero; null without.")
+    pan_end_rad: float | None
+    mean_r95_m: float | None = Field(description="Of single fixes along the stretch.")
+    max_r95_m: float | None
+    turn_from_s: float | None = Field(description="When the pan head must begin to turn to be there in time.")
+    usable_after_m: float = Field(description="How much further than the end the triplet gives a fix.")
+    late_r95_m: float | None = Field(
+        description="Worst r95 if the switch at the end comes 0.5 m late; null: no fix then, or no switch."
+    )
+
+
 class Route(Baseline):
     """One way to go, in time."""
 
     trajectory: list[Motion]
+    share: float | None = Field(
+        description="Part of its length within the robot's width of the routes before it; null where no "
+        "alternatives were asked for."
+    )
+    front: FrontPlace | None = Field(description="null where no front was asked for.")
+    schedule: list[Stretch] | None = Field(description="null where it was not asked for, or time was short.")
 
 
 class Unmet(Answer):
@@ -302,7 +340,7 @@ class Plan(Answer):
     engine: str
     client_ref: str | None
     request: dict[str, Any] = Field(description="The question, every default filled in.")
-    routes: list[Route]
+    routes: list[Route] = Field(description="The best first, then alternatives by cost; a front by length.")
     shortest_baseline: Baseline | None = Field(description="Shortest route of the robot, to compare with.")
     grid_cost: float | None
     unmet: list[Unmet]

@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -14,6 +14,8 @@ import numpy as np
 import numpy.typing as npt
 from shapely import Polygon
 
+from api.codec_schedule import schedule_to_json
+from api.questions import NOTHING_MORE, Found, FrontPlace, ListedRoute, More
 from localization import covariance as cov
 from localization.uncertainty_field import UncertaintyField
 from maps.arrays import FloatArray, IntArray
@@ -44,10 +46,11 @@ class FieldLabel:
 
 
 def plan_to_json(
-    result: PlanResult,
+    result: PlanResult | Found,
     field: UncertaintyField | FieldLabel,
     *,
     problem: PlanningProblem,
+    more: More = NOTHING_MORE,
     client_ref: str | None = None,
     warnings: Sequence[str] = (),
 ) -> dict[str, Any]:
@@ -57,6 +60,8 @@ def plan_to_json(
     ----------
     result, field, problem
         What was found, on what (or its label), for which question.
+    more
+        What was asked for beside one route.
     client_ref
         Comes back as given.
     warnings
@@ -69,6 +74,8 @@ def plan_to_json(
     """
     label = field if isinstance(field, FieldLabel) else FieldLabel.of(field)
     names = label.landmarks
+    found = result if isinstance(result, Found) else Found.of(result)
+    result = found.result
     answer: dict[str, Any] = {
         "status": result.status.value,
         "map": label.map_id,
@@ -76,8 +83,8 @@ def plan_to_json(
         "planner": result.planner,
         "engine": engine_version(),
         "client_ref": client_ref,
-        "request": problem_to_json(problem),
-        "routes": [] if result.route is None else [route_to_json(result.route, names)],
+        "request": problem_to_json(problem, more),
+        "routes": [_listed(route, names) for route in found.routes],
         "shortest_baseline": None
         if result.shortest is None
         else route_to_json(result.shortest, names, with_trajectory=False),
@@ -95,9 +102,11 @@ def seal(answer: dict[str, Any]) -> dict[str, Any]:
     return {"plan": "p_" + hashlib.sha256(text.encode()).hexdigest(), **bare}
 
 
-def problem_to_json(problem: PlanningProblem) -> dict[str, Any]:
+def problem_to_json(problem: PlanningProblem, more: More = NOTHING_MORE) -> dict[str, Any]:
     """The question in the words of ``POST /v1/plans``, every default filled in."""
     odometry = problem.odometry
+    front = more.front
+    of_front = {} if front is None else {"against": front.against, "count": front.count}
     return {
         "start": {
             "x_m": problem.start[0],
@@ -117,11 +126,13 @@ def problem_to_json(problem: PlanningProblem) -> dict[str, Any]:
                 "drift_sigma_rad": odometry.drift_sigma,
                 "slip_sigma_m": odometry.slip_sigma,
             },
+            "pan_rate_rad_s": number(more.pan_rate),
         },
         "objective": {
-            "kind": problem.objective,
+            "kind": problem.objective if front is None else "pareto",
             "uncertainty_weight_per_m": problem.weight,
             "covariance": problem.covariance,
+            **of_front,
         },
         "constraints": {
             "max_r95_m": problem.max_r95,
@@ -133,6 +144,8 @@ def problem_to_json(problem: PlanningProblem) -> dict[str, Any]:
         "via": [{"x_m": x, "y_m": y} for x, y in problem.via],
         "avoid": [_polygon(polygon) for polygon in problem.avoid],
         "areas": [{"polygon": _polygon(p), "factor": factor} for p, factor in problem.areas],
+        "alternatives": None if more.alternatives is None else asdict(more.alternatives),
+        "include": ["schedule"] if more.schedule else [],
         "deadline_s": problem.deadline,
         "seed": problem.seed,
     }
@@ -166,6 +179,26 @@ def route_to_json(route: Route, names: Sequence[str], *, with_trajectory: bool =
         **_figures(route.summary),
         "path": _path(route.path, route.trajectory, names),
         **motion,
+    }
+
+
+def _listed(listed: ListedRoute, names: Sequence[str]) -> dict[str, Any]:
+    schedule = listed.schedule
+    return {
+        **route_to_json(listed.route, names),
+        "share": number(listed.share),
+        "front": None if listed.front is None else _front_place(listed.front),
+        "schedule": None if schedule is None else schedule_to_json(schedule, names),
+    }
+
+
+def _front_place(place: FrontPlace) -> dict[str, Any]:
+    is_worst = place.against == "worst"
+    return {
+        "against": place.against,
+        "r95_m": number(place.r95),
+        "max_r95_m": place.setting if is_worst else None,
+        "uncertainty_weight_per_m": None if is_worst else place.setting,
     }
 
 

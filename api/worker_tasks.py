@@ -1,24 +1,22 @@
-"""The tasks of the service: each runs inside a worker process."""
+"""The program of the service's workers: fields and uploads here, questions in their own module."""
 
 from __future__ import annotations
 
 import os
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+from api import finding, worker_questions
 from api.codec import parse_json
-from api.codec_plan import FieldLabel, plan_to_json
 from api.settings import LimitExceeded
-from api.store_files import read_field, read_world, write_field
+from api.store_files import read_world, write_field
 from api.worker_main import Channel, Program
-from api.worker_orders import FieldOrder, Loaded, UploadLimits
+from api.worker_orders import FieldOrder, UploadLimits
 from localization import field_builder
 from localization.errors import LocalizationError
 from maps.errors import MapTooLarge
@@ -27,18 +25,8 @@ from maps.io.map_server import grid_from_image, parse_map_yaml
 from maps.io.world_file import world_from_geojson
 from maps.landmarks import LandmarkSet
 from maps.world import World
-from planner import plan as planning
-from planner.context import PlanningContext
-from planner.problem import MIN_DEADLINE_S, PlanningProblem
 
 T = TypeVar("T")
-_FIELDS = "fields"
-_ENCODING_S = 0.15
-#: What a context takes for each cell before anything is planned on it, bytes.
-_CONTEXT_BYTES_PER_CELL = 100
-#: Graphs, and as much again for costs to go, that plans leave in a context: some dozens on a small field.
-_CACHE_BYTES_PER_CELL = 200
-_CACHE_BYTES = (32 * 2**20, 256 * 2**20)
 _LOW_PRIORITY = 10
 
 
@@ -84,63 +72,6 @@ def _in_background(work: Callable[[], T]) -> T:
 
     with ThreadPoolExecutor(1, initializer=lower) as pool:
         return pool.submit(work).result()
-
-
-@dataclass(frozen=True, slots=True)
-class _Ready:
-    context: PlanningContext
-    label: FieldLabel
-
-    size: int
-
-
-def load(channel: Channel, path: Path, keep_bytes: int) -> Loaded:
-    """Make a field ready for planning, and forget those that were not used for longest.
-
-    Raises
-    ------
-    FieldFormatError
-        If there is no readable field.
-    """
-    kept: dict[str, _Ready] = channel.memory.setdefault(_FIELDS, {})
-    ready = kept.pop(path.name, None)
-    if ready is None:
-        field = read_field(path)
-        cells = field.free.size
-        cache = min(max(_CACHE_BYTES[0], cells * _CACHE_BYTES_PER_CELL), _CACHE_BYTES[1])
-        size = cells * _CONTEXT_BYTES_PER_CELL + 2 * cache
-        ready = _Ready(PlanningContext(field, cache_bytes=cache), FieldLabel.of(field), size)
-    kept[path.name] = ready  # the newest is last
-    while len(kept) > 1 and sum(r.size for r in kept.values()) > keep_bytes:
-        del kept[next(iter(kept))]
-    return Loaded(ready.label, frozenset(kept))
-
-
-def plan(
-    channel: Channel,
-    path: Path,
-    problem: PlanningProblem,
-    ends_at: float,
-    client_ref: str | None,
-    warnings: tuple[str, ...],
-) -> dict[str, Any]:
-    """Plan on a field that was loaded before; the answer of ``POST /v1/plans``.
-
-    Reports each result that is better than the one before.
-
-    Raises
-    ------
-    PlannerError
-        If the question is wrong.
-    """
-    ready: _Ready = channel.memory[_FIELDS][path.name]
-    # What waiting and loading took is gone, and encoding takes its share; the request in the answer stays
-    # as it was asked.
-    left = ends_at - time.monotonic()
-    left = max(MIN_DEADLINE_S, left - min(_ENCODING_S, 0.1 * left))
-    hurried = replace(problem, deadline=min(problem.deadline, left))
-    result = planning.plan(hurried, ready.context, report=channel.report)
-    return plan_to_json(result, ready.label, problem=problem, client_ref=client_ref, warnings=warnings)
 
 
 def parse(channel: Channel, parts: dict[str, Any], limits: UploadLimits) -> World:  # noqa: ARG001
@@ -215,6 +146,6 @@ def _memory_limit(extra: int) -> Iterator[None]:
 
 #: Compiles, or loads from the cache, everything that a task will run.
 PROGRAM = Program(
-    (field_builder.warm_up, planning.warm_up),
-    {"build": build, "load": load, "plan": plan, "parse": parse},
+    (field_builder.warm_up, finding.warm_up),
+    {"build": build, "parse": parse, **worker_questions.TASKS},
 )

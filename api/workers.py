@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from api.codec_plan import FieldLabel, plan_to_json
+from api.questions import NOTHING_MORE, Found, More
 from api.settings import Settings
 from api.worker_crew import Overloaded, Turn, WorkerCrew
 from api.worker_orders import FieldOrder, Loaded, UploadLimits
@@ -77,6 +78,7 @@ class WorkerPool:
         field_path: Path,
         problem: PlanningProblem,
         *,
+        more: More = NOTHING_MORE,
         client_ref: str | None = None,
         warnings: Sequence[str] = (),
     ) -> dict[str, Any]:
@@ -89,8 +91,8 @@ class WorkerPool:
         ----------
         field_path
             Folder of a ready field.
-        problem
-            The question.
+        problem, more
+            The question, and what is asked for beside one route.
         client_ref, warnings
             As of :func:`api.codec.plan_to_json`.
 
@@ -108,10 +110,11 @@ class WorkerPool:
         ends_at = time.monotonic() + problem.deadline
         with self._crew.turn(ends_at, prefer=field_path.name) as turn:
             label = self._load(turn, field_path, ends_at)
-            reports: list[PlanResult] = []
+            reports: list[Found] = []
             arguments = {
                 "path": field_path,
                 "problem": problem,
+                "more": more,
                 "ends_at": ends_at,
                 "client_ref": client_ref,
                 "warnings": tuple(warnings),
@@ -124,17 +127,19 @@ class WorkerPool:
                 # It may be about to end by itself: cheaper than a new process.
                 turn.detached = True
                 said = "The planner was stopped after the deadline."
-                last = reports[-1] if reports else PlanResult(PlanStatus.TIMEOUT, None, None, None, "none")
+                nothing = PlanResult(PlanStatus.TIMEOUT, None, None, None, "none")
+                last = reports[-1] if reports else Found.of(nothing)
             except WorkerDied:
                 turn.spoilt = True
-                if not reports or reports[-1].route is None:
+                if not reports or not reports[-1].routes:
                     raise
                 said = "The planner ended unexpectedly."
                 last = reports[-1]
             else:
                 return answer
-        last = dataclasses.replace(last, warnings=(*last.warnings, said))
-        return plan_to_json(last, label, problem=problem, client_ref=client_ref, warnings=warnings)
+        result = dataclasses.replace(last.result, warnings=(*last.result.warnings, said))
+        last = dataclasses.replace(last, result=result)
+        return plan_to_json(last, label, problem=problem, more=more, client_ref=client_ref, warnings=warnings)
 
     def _load(self, turn: Turn, path: Path, ends_at: float) -> FieldLabel:
         arguments = {"path": path, "keep_bytes": self._settings.cache_bytes}

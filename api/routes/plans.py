@@ -16,7 +16,7 @@ from api.routes.common import NOT_MODIFIED, answer, binary, problems
 from api.schemas import PlanIn
 from api.store_records import FieldNotReady, FieldStatus
 
-RENDERER = 2
+RENDERER = 3
 
 router = APIRouter(prefix="/v1/plans", tags=["plans"])
 
@@ -51,9 +51,10 @@ def make_plan(question: PlanIn, service: Service_) -> Response:
     problem, warnings = question.to_problem(
         default_deadline=settings.default_deadline_s, max_deadline=settings.max_deadline_s
     )
+    more = question.to_more()
     field = newest_field(service, question.map or "") if question.field is None else question.field
     path = service.store.field_path(service.store.ready_field(field).id)
-    found = service.pool.plan(path, problem, client_ref=question.client_ref, warnings=warnings)
+    found = service.pool.plan(path, problem, more=more, client_ref=question.client_ref, warnings=warnings)
     return Response(service.store.add_plan(found).body, media_type="application/json")
 
 

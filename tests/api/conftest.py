@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,10 +10,13 @@ import pytest
 
 import api.app
 from api.codec import parse_json, plan_to_json
+from api.finding import find
+from api.questions import NOTHING_MORE, Found
 from api.settings import Settings
 from api.store_files import write_field
 from localization.method import BEST_AREA
 from maps.io.world_file import world_from_geojson
+from planner.context import PlanningContext
 from planner.errors import GoalOccupied
 from tests.api.answers_by_hand import plan_by_hand
 from tests.api.clients import TestClient
@@ -62,12 +66,17 @@ class InlinePool:
     def parse(self, upload):
         return world_from_geojson(parse_json(upload.world), name=upload.name)
 
-    def plan(self, field_path, problem, *, client_ref=None, warnings=()):
+    def plan(self, field_path, problem, *, more=NOTHING_MORE, client_ref=None, warnings=()):
         if problem.goal == (4.0, 3.0):
             raise GoalOccupied("The goal is inside an obstacle.", nearest_free=(2.0, 3.0))
         field = self.store.load_field(field_path.stem)
-        result = plan_by_hand(problem.start, problem.goal)
-        return plan_to_json(result, field, problem=problem, client_ref=client_ref, warnings=warnings)
+        if more == NOTHING_MORE:
+            found = Found.of(plan_by_hand(problem.start, problem.goal))
+        else:
+            found = find(replace(problem, refine=0), PlanningContext(field), more)
+        return plan_to_json(
+            found, field, problem=problem, more=more, client_ref=client_ref, warnings=warnings
+        )
 
 
 class IdleJobs:
@@ -114,7 +123,7 @@ def gallery(tmp_path_factory):
     # The patch ends here: other modules start real services while this one lives.
     try:
         map_id = running.post("/v1/maps", json=ROOM).json()["map"]
-        yield SimpleNamespace(client=running, **vars(_ready_field(running, map_id)))
+        yield SimpleNamespace(client=running, **vars(ready_field(running, map_id)))
     finally:
         running.__exit__(None, None, None)
 
@@ -125,7 +134,12 @@ def room(client):
     return client.post("/v1/maps", json=ROOM).json()["map"]
 
 
-def finish(client, job_id: str) -> None:
+def certain_at_the_left(x, y):
+    """Standard deviation of a field, m: nothing below y = 1 m."""
+    return np.where(y > 1.0, 0.02 + 0.01 * x, np.nan)
+
+
+def finish(client, job_id: str, sigma=certain_at_the_left) -> None:
     """What a worker does with a job: a field by hand, written and committed."""
     store = client.app.state.service.store
     job = store.claim_job(job_id)
@@ -133,7 +147,7 @@ def finish(client, job_id: str) -> None:
     field = synthetic_field(
         store.world(record.map_id),
         record.resolution,
-        lambda x, y: np.where(y > 1.0, 0.02 + 0.01 * x, np.nan),
+        sigma,
         record.sensor,
     )
     staged = store.staging_path(job.id)
@@ -142,16 +156,17 @@ def finish(client, job_id: str) -> None:
     assert store.commit_field(job.id, staged, size=size, checksum=checksum)
 
 
-def _ready_field(client, map_id: str) -> SimpleNamespace:
+def ready_field(client, map_id: str, sigma=certain_at_the_left) -> SimpleNamespace:
+    """Ids of a map and its ready field."""
     ordered = client.post("/v1/fields", json={"map": map_id, "sensor": LASER, "resolution_m": 0.5}).json()
-    finish(client, ordered["job"])
+    finish(client, ordered["job"], sigma)
     return SimpleNamespace(map=map_id, id=ordered["field"], path=f"/v1/fields/{ordered['field']}")
 
 
 @pytest.fixture
 def field(client, room):
     """Ids of a room and its ready field: certain at the left, blind below y = 1 m."""
-    return _ready_field(client, room)
+    return ready_field(client, room)
 
 
 def problem_of(answer, status: int, code: str) -> dict:

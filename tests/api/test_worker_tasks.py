@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from api import worker_tasks
+from api import worker_questions, worker_tasks
 from api.codec import DocumentError
 from api.jobs import JobRunner
+from api.questions import NOTHING_MORE
 from api.settings import LimitExceeded, Settings
 from api.store import JobStatus, Store
 from api.store_files import read_field, write_field, write_world
@@ -133,7 +134,7 @@ def test_contexts_are_kept_by_use_and_memory(tmp_path):
     one = 7 * 12 * 100 + 2 * 32 * 2**20
 
     def load(name, limit):
-        return worker_tasks.load(line.channel(), tmp_path / name, limit).kept
+        return worker_questions.load(line.channel(), tmp_path / name, limit).kept
 
     assert load("a", 2 * one) == {"a"}
     kept = line.memory["fields"]["a"]
@@ -146,20 +147,22 @@ def test_contexts_are_kept_by_use_and_memory(tmp_path):
 def test_a_plan_is_encoded_with_the_question_as_asked(tmp_path):
     line = Line()
     write_field(synthetic_field(world_from_ascii(ROOM), 0.25), tmp_path / "f")
-    worker_tasks.load(line.channel(), tmp_path / "f", 10**9)
+    worker_questions.load(line.channel(), tmp_path / "f", 10**9)
     problem = PlanningProblem((1.6, 1.6), (4.4, 1.6), 0.1, deadline=5.0, refine=0)
-    answer = worker_tasks.plan(
-        line.channel(), tmp_path / "f", problem, time.monotonic() + 2.0, "ref", ("clamped",)
+    answer = worker_questions.plan(
+        line.channel(), tmp_path / "f", problem, NOTHING_MORE, time.monotonic() + 2.0, "ref", ("clamped",)
     )
     assert answer["status"] in {"exact", "approximate"}
     assert answer["request"]["deadline_s"] == 5.0
     assert (answer["client_ref"], answer["warnings"][0]) == ("ref", "clamped")
     assert {kind for kind, _ in line.sent} <= {"report"}
-    assert all(result.route is not None for _, result in line.sent)
+    assert all(found.routes for _, found in line.sent)
     json.dumps(answer, allow_nan=False)
     outside = PlanningProblem((1.6, 1.6), (99.0, 1.6), 0.1)
     with pytest.raises(GoalOutsideMap):
-        worker_tasks.plan(line.channel(), tmp_path / "f", outside, time.monotonic() + 2.0, None, ())
+        worker_questions.plan(
+            line.channel(), tmp_path / "f", outside, NOTHING_MORE, time.monotonic() + 2.0, None, ()
+        )
 
 
 def test_uploads_become_worlds():

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from api.codec_plan import FieldLabel
+from api.questions import Found
 from api.store_files import read_world, write_field
 from api.worker_main import Program
 from api.worker_orders import Loaded
@@ -27,9 +28,10 @@ def nothing():
 
 
 def result(n, route=True):
-    return PlanResult(
+    made = PlanResult(
         PlanStatus.EXACT, flat_route() if route else None, None, float(n), "test", warnings=("first",)
     )
+    return Found.of(made)
 
 
 def flat_route():
@@ -52,7 +54,7 @@ def load(channel, path, keep_bytes):
     return Loaded(FieldLabel("m_1", "f_1", ("A", "B", "C")), frozenset(loaded))
 
 
-def plan(channel, path, problem, ends_at, client_ref, warnings):
+def plan(channel, path, problem, more, ends_at, client_ref, warnings):
     assert path.name in channel.memory["loaded"]
     match client_ref:
         case "hang":
