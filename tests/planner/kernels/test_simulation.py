@@ -45,10 +45,8 @@ def compiled(robot, sensor, world, *, seed, runs=3, way=WAY):
     stops = _stops(reference)
     args = _kernel_args(world, choices, reference, is_fix=is_fix, stops=stops, robot=robot, P0=START.copy())
     draws = _draws(reference, is_fix, world)
-    per_run, per_station, tracks = _drive(
-        args, draws, len(stops), runs=runs, rng=np.random.default_rng(seed), threads=1
-    )
     seeds = np.random.default_rng(seed).integers(0, 2**63, size=runs)
+    per_run, per_station, tracks = _drive(args, draws, len(stops), seeds=seeds, threads=1, stop=None)
     normals = [np.random.default_rng(int(s)).standard_normal(draws) for s in seeds]
     return reference, is_fix, choices, normals, per_run, per_station, tracks
 
