@@ -15,7 +15,7 @@ def test_arrays_are_copied_and_read_only():
     points[0, 0] = 7.0
     assert path.points[0, 0] == 0.0
     assert path.triplet.dtype == np.int16
-    for name in Path.__dataclass_fields__:
+    for name in set(Path.__dataclass_fields__) - {"kind"}:
         with pytest.raises(ValueError, match="read-only"):
             getattr(path, name)[0] = 1
     moving = Trajectory([0.0, 1.5], points, points, points)
