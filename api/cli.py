@@ -7,6 +7,7 @@ import sys
 import typer
 from typer.exceptions import TyperException
 
+from api.cli_calibrate import calibrate
 from api.cli_common import EXIT_MISTAKE
 from api.cli_field import field, heatmap
 from api.cli_fixes import fixes
@@ -38,7 +39,7 @@ app = typer.Typer(
     ),
 )
 app.add_typer(world_app, name="world")
-for command in (field, heatmap, plan, matrix, reach, serve, demo, validate):
+for command in (field, heatmap, plan, matrix, reach, serve, demo, validate, calibrate):
     app.command()(command)
 app.command("simulate")(simulate_command)
 # Negative coordinates look like options.
