@@ -13,7 +13,7 @@ from maps.landmarks import LandmarkSet
 from maps.world import World
 from tests.conftest import SHARED
 
-RESOLUTION_M = 0.05
+RESOLUTION_M, STREETS_M = 0.05, 0.25
 # The largest first: they fill the mosaic shelf by shelf.
 MOSAIC = (
     "pal_hospital_with_aruco/map",
@@ -75,10 +75,24 @@ def _tiled(cells, side):
     return np.tile(cells, times)[:side, :side]
 
 
-def _world(name, free, opaque, n_landmarks, seed):
+def streets(name, n_landmarks, seed=1):
+    """A street map of the MovingAI benchmarks, 0.25 m a cell."""
+    lines = (SHARED / "movingai" / "cities" / f"{name}.map").read_text().split("\n")
+    n_rows = int(lines[1].split()[1])
+    free = np.array([[c in ".G" for c in line.strip()] for line in lines[4 : 4 + n_rows]])[::-1]
+    return _world(name, free, ~free, n_landmarks, seed, STREETS_M)
+
+
+def willow(n_landmarks, seed=1):
+    """The map of Willow Garage, 0.1 m a cell."""
+    floor = load_world(SHARED / "ros_maps" / "willow" / "willow-2010-02-18-0.10.yaml").floor
+    return _world("willow", floor.free, floor.opaque, n_landmarks, seed, floor.frame.resolution)
+
+
+def _world(name, free, opaque, n_landmarks, seed, resolution=RESOLUTION_M):
     """Landmarks on faces between wall and free space, half of them seen from in front only."""
     rng = np.random.default_rng(seed)
-    frame = GridFrame(0.0, 0.0, 0.0, RESOLUTION_M, *free.shape)
+    frame = GridFrame(0.0, 0.0, 0.0, resolution, *free.shape)
     places, azimuths = [], []
     for axis, sign in ((0, 1), (0, -1), (1, 1), (1, -1)):
         # A wall cell and the free cell beside it, in the direction of the sign.
