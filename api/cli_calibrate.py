@@ -100,7 +100,7 @@ def calibrate(
         document = calibration_to_json(read, found) | {"sensor": sensor_to_json(sensor)}
         sys.stdout.write(json.dumps(document, indent=1, allow_nan=False) + "\n")
         return
-    out.print(_figures(read, found))
+    out.print(_figures(read, found, camera=camera is not None))
     for title, bins, unit, scale in (
         ("distance, m", found.by_range, "{:g}", 1.0),
         (
@@ -204,7 +204,7 @@ def _range_errors(read: SightingsFile) -> dict[str, float] | None:
     return {"n": len(e), "bias_m": middle, "sigma_m": MAD_TO_SIGMA * float(np.median(np.abs(e - middle)))}
 
 
-def _figures(read: SightingsFile, found: BearingCalibration) -> Table:
+def _figures(read: SightingsFile, found: BearingCalibration, *, camera: bool) -> Table:
     table = Table(box=None)
     for column in ("", "value", "95 % interval"):
         table.add_column(column, justify="left" if not column else "right")
@@ -223,6 +223,8 @@ def _figures(read: SightingsFile, found: BearingCalibration) -> Table:
         ("range term", found.range_sigma, 1e3, "mm"),
         ("slope per 10°", found.slope, 10.0, "°"),
     ):
+        if value is found.column_sigma and not camera:
+            continue
         low, high = scale * value.low, scale * value.high
         table.add_row(name, f"{scale * value.value:.3f} {unit}", f"{low:.3f} to {high:.3f} {unit}")
     ranges = _range_errors(read)
@@ -236,7 +238,8 @@ def _dependence(title: str, bins: tuple[ResidualBin, ...], unit: str, scale: flo
     for column in (title, "n", "median, °", "95 % interval", "robust σ, °", "95 % interval"):
         table.add_column(column, justify="right")
     for b in bins:
-        low, high = unit.format(scale * b.low), unit.format(scale * b.high)
+        # Adding zero makes -0 a 0.
+        low, high = (unit.format(round(scale * v, 9) + 0.0) for v in (b.low, b.high))
         table.add_row(
             f"{low} and more" if math.isinf(b.high) else f"{low} to {high}",
             f"{b.n}",
