@@ -27,10 +27,13 @@ from localization.kernels.blocks import (
     third_margins,
 )
 from localization.kernels.fix import (
+    AREA,
     CENTRED_FREE,
     COS_VIEW,
+    CRITERION,
     FIT_TOLERANCE,
     FIXED,
+    LEVER,
     MODE,
     OMNIDIRECTIONAL,
     ON_AXIS,
@@ -43,7 +46,7 @@ _MANY_SHARE = 0.02
 
 
 @njit(cache=True, nogil=True)
-def _pair_margins(lo, first, last, w, hx, hy, h, bar, least, on_axis, cos_view, fixed):
+def _pair_margins(lo, first, last, w, hx, hy, h, bar, least, on_axis, cos_view, fixed, axes):
     """By how much the bound of the pairs (lo, first … last - 1) exceeds what is needed, into row MARGIN.
 
     Unsigned indices and no branches: the compiler makes it several pairs at a time.
@@ -55,6 +58,7 @@ def _pair_margins(lo, first, last, w, hx, hy, h, bar, least, on_axis, cos_view, 
     restl = w[REST, lo]
     sl = w[SHARE, lo]
     vl = w[LEAST, lo]
+    axis_need = 0.5 * math.sqrt(bar) * (1.0 - SLACK) if axes != AREA else 0.0
     base = np.uint64(first)
     for step in range(last - first):
         i = base + np.uint64(step)
@@ -87,7 +91,13 @@ def _pair_margins(lo, first, last, w, hx, hy, h, bar, least, on_axis, cos_view, 
         edge = min(rl + dot / rl, rh + dot / rh)
         side = max(0.25 * e2, dot + max(near * (near - edge), far * (far - edge)))
         margin = d + side * turned + 1e-13 * big * big + 1e-13 * near * near - need
-        w[MARGIN, i] = margin if cosine >= cos_view - turned else -1.0
+        # D² / N with N ≥ v3 |e|² + v1 (2 t² + |e|² / 2), t = D / |e| the height of the middle one.
+        both = gl * w[GAIN, i]
+        d = (d + side * turned) * both * mid * mid
+        low = min(v1, v2)
+        inverse = (v3 + 0.5 * low) * e2 / (both * both * d * d) + 2.0 * low / (e2 * both * both)
+        fits = cosine >= cos_view - turned and axis_need * inverse <= 1.0
+        w[MARGIN, i] = margin if fits else -1.0
 
 
 @njit(cache=True, nogil=True)
@@ -111,6 +121,8 @@ def block_triplets(n, w, turn, hx, hy, slope_x, slope_y, level, sensor, found, s
     for a in range(n):
         least = min(least, w[row, a])
     bar = math.exp(level) * known_share(turn, h, sensor)
+    axes = sensor[CRITERION] if sensor[LEVER] == 0.0 else AREA
+    axis_need = 0.5 * math.sqrt(bar) * (1.0 - SLACK) if axes != AREA else 0.0
     count = 0
     for lo in range(n):
         xl = w[X, lo]
@@ -137,7 +149,7 @@ def block_triplets(n, w, turn, hx, hy, slope_x, slope_y, level, sensor, found, s
             last += 1
         if last < lo + 3:
             continue
-        _pair_margins(lo, lo + 2, last, w, hx, hy, h, bar, least, on_axis, cos_view, fixed)
+        _pair_margins(lo, lo + 2, last, w, hx, hy, h, bar, least, on_axis, cos_view, fixed, axes)
         for hi in range(lo + 2, last):
             if w[MARGIN, hi] < 0.0:
                 continue
@@ -156,14 +168,18 @@ def block_triplets(n, w, turn, hx, hy, slope_x, slope_y, level, sensor, found, s
                 v2 = p + w[SHARE, hi]
                 v3 = p + least
             need = math.sqrt(bar * (v1 * v2 + v3 * (v1 + v2))) / (w[GAIN, lo] * w[GAIN, hi])
-            third_margins(lo + 1, hi, w, xl, yl, w[X, hi], w[Y, hi], turned, need * (1.0 - SLACK))
+            gain = w[GAIN, lo] * w[GAIN, hi]
+            third_margins(
+                lo + 1, hi, w, xl, yl, w[X, hi], w[Y, hi], turned, need * (1.0 - SLACK), gain,
+                (v3, min(v1, v2)), axis_need,
+            )  # fmt: skip
             for m in range(lo + 1, hi):
                 if w[THIRD, m] < 0.0:
                     continue
-                most, pair, first, kx, ky = bound(
-                    lo, m, hi, w, hx, hy, slope_x, slope_y, on_axis, cos_view, fixed
+                top, pair, value, kx, ky = bound(
+                    lo, m, hi, w, hx, hy, slope_x, slope_y, on_axis, cos_view, fixed, axes
                 )
-                if most * most < bar * pair:
+                if top < bar:
                     continue
                 if count == limit:
                     return -1
@@ -171,9 +187,9 @@ def block_triplets(n, w, turn, hx, hy, slope_x, slope_y, level, sensor, found, s
                 found[1, count] = m % n
                 found[2, count] = hi % n
                 sums[count] = pair
-                tops[0, count] = math.log(first * first / pair)
-                tops[1, count] = 2.0 * kx
-                tops[2, count] = 2.0 * ky
+                tops[0, count] = math.log(value)
+                tops[1, count] = kx
+                tops[2, count] = ky
                 count += 1
     return count
 
@@ -233,6 +249,7 @@ def strong_block_triplets(n, w, turn, hx, hy, slope_x, slope_y, level, sensor, f
     mode = sensor[MODE]
     view = sensor[VIEW]
     fixed = mode != CENTRED_FREE
+    axes = sensor[CRITERION] if sensor[LEVER] == 0.0 else AREA
     if turn > MOST_TURN or (mode != OMNIDIRECTIONAL and view + 2.2 * turn > 3.0):
         return -1
     h = math.hypot(hx, hy)
@@ -280,7 +297,7 @@ def strong_block_triplets(n, w, turn, hx, hy, slope_x, slope_y, level, sensor, f
                     else:
                         first = k + 1
             need *= 1.0 - SLACK
-            third_margins(j + 1, last, w, xi, yi, xj, yj, turned, need)
+            third_margins(j + 1, last, w, xi, yi, xj, yj, turned, need, 1.0, (0.0, 0.0), 0.0)
             for k in range(j + 1, last):
                 if w[THIRD, k] < 0.0:
                     continue
@@ -291,10 +308,10 @@ def strong_block_triplets(n, w, turn, hx, hy, slope_x, slope_y, level, sensor, f
                     both = w[P, a] * w[P, c]
                     if w[X, a] * w[X, c] + w[Y, a] * w[Y, c] < (cos_view - outer) * both:
                         continue
-                most, pair, first, kx, ky = bound(
-                    a, b, c, w, hx, hy, slope_x, slope_y, on_axis, cos_view, fixed
+                top, pair, value, kx, ky = bound(
+                    a, b, c, w, hx, hy, slope_x, slope_y, on_axis, cos_view, fixed, axes
                 )
-                if most * most < bar * pair:
+                if top < bar:
                     continue
                 if count == limit:
                     return -1
@@ -302,8 +319,8 @@ def strong_block_triplets(n, w, turn, hx, hy, slope_x, slope_y, level, sensor, f
                 found[1, count] = b
                 found[2, count] = c
                 sums[count] = pair
-                tops[0, count] = math.log(first * first / pair)
-                tops[1, count] = 2.0 * kx
-                tops[2, count] = 2.0 * ky
+                tops[0, count] = math.log(value)
+                tops[1, count] = kx
+                tops[2, count] = ky
                 count += 1
     return count

@@ -14,14 +14,20 @@ from localization.kernels.block_known import level_and_slope, value_at
 from localization.kernels.block_lists import block_triplets, few_are_strong, strong_block_triplets
 from localization.kernels.blocks import MOST_TURN, known_share, place_landmarks
 from localization.kernels.fix import (
+    AREA,
     CENTRED_FREE,
     COS_VIEW,
+    CRITERION,
     FIT_TOLERANCE,
     FIXED,
+    FLOOR,
     HEADING,
+    LEVER,
+    MAX_AXIS,
     MODE,
+    OMNIDIRECTIONAL,
+    ON_AXIS,
     VIEW,
-    fixed_variance,
 )
 from localization.kernels.seen import TOUCH_M, bits_set, has_bit, strongest_first
 from localization.kernels.spans import azimuth_key
@@ -90,9 +96,19 @@ def together(m, rows, cols, masks, x0, y0, hx, hy, landmarks, sensor, seen, sure
 
 
 @njit(cache=True, nogil=True)
+def _is_ahead(dx, dy, ahead_x, ahead_y, half):
+    """Whether (dx, dy) is in the view of a fixed camera, decided as by ``fix.fixed_variance``."""
+    forward = dx * ahead_x + dy * ahead_y
+    return not (forward < 0.0 or forward < half * math.sqrt(dx * dx + dy * dy))
+
+
+@njit(cache=True, nogil=True)
 def count_visible(x, y, words, sure, landmarks, sensor):
     """How many landmarks of ``words`` can be measured from (x, y); all of ``sure`` can be if visible."""
     n = 0
+    ahead_x = math.cos(sensor[HEADING])
+    ahead_y = math.sin(sensor[HEADING])
+    half = math.cos(0.5 * sensor[VIEW]) - FIT_TOLERANCE
     for w in range(words.shape[0]):
         n += bits_set(words[w] & sure[w])
         word = words[w] & ~sure[w]
@@ -101,8 +117,7 @@ def count_visible(x, y, words, sure, landmarks, sensor):
             if word & np.uint64(1):
                 dx = landmarks[i, 0] - x
                 dy = landmarks[i, 1] - y
-                if not math.isnan(fixed_variance(dx, dy, dx * dx + dy * dy, 0.0, sensor)):
-                    n += 1
+                n += _is_ahead(dx, dy, ahead_x, ahead_y, half)
             word >>= np.uint64(1)
             i += 1
     return n
@@ -187,10 +202,10 @@ def shorten(
 
 
 @njit(cache=True, nogil=True)
-def _excess(count, found, sums, bar, cos_view, gx, gy, rho, out):
+def _excess(count, found, sums, bar, cos_view, axis_need, flat, gx, gy, rho, out):
     """By how much D² of every triplet exceeds ``bar`` times its least pair sum; NaN: not visible.
 
-    Negative where the outer two are not in one view.
+    Negative where the outer two are not in one view, or D² under ``axis_need`` times all squared sides.
     """
     for step in range(count):
         c = np.uint64(step)
@@ -201,7 +216,31 @@ def _excess(count, found, sums, bar, cos_view, gx, gy, rho, out):
         ya = gy[a]
         d = (gx[b] - xa) * (gy[e] - ya) - (gy[b] - ya) * (gx[e] - xa)
         dot = xa * gx[e] + ya * gy[e]
-        out[c] = d * d - bar * sums[c] if dot >= cos_view * (rho[a] * rho[e]) else -1.0
+        d *= d
+        sides = 2.0 * (
+            rho[a] * rho[a]
+            + rho[b] * rho[b]
+            + rho[e] * rho[e]
+            - dot
+            - gx[b] * (xa + gx[e])
+            - gy[b] * (ya + gy[e])
+        )
+        # The larger eigenvalue is all of the trace when Σ is flat, half of it when round.
+        whole = 1.0 + math.sqrt(max(0.0, 1.0 - flat * d / (sides * sides)))
+        least = axis_need * sides * (whole if flat > 0.0 else 1.0)
+        fits = dot >= cos_view * (rho[a] * rho[e]) and d >= least
+        out[c] = d - bar * sums[c] if fits else -1.0
+
+
+@njit(cache=True, nogil=True)
+def _most_share(n, ids, x, y, landmarks, survey, sensor):
+    """Largest variance that survey and floor add to the bearing of one of ``ids`` (n,) from (x, y)."""
+    most = 0.0
+    for a in range(n):
+        i = ids[a]
+        if survey[i] > 0.0:
+            most = max(most, survey[i] / ((landmarks[i, 0] - x) ** 2 + (landmarks[i, 1] - y) ** 2))
+    return most + sensor[FLOOR]
 
 
 @njit(cache=True, nogil=True)
@@ -217,11 +256,18 @@ def compare_in_cell(
         # Something is known, and nothing else can be it.
         best[0], best[1], best[2] = sorted_three(ids[found[0, 0]], ids[found[1, 0]], ids[found[2, 0]])
         return 0
+    fixed = sensor[MODE] == FIXED
+    if fixed:
+        ahead_x = math.cos(sensor[HEADING])
+        ahead_y = math.sin(sensor[HEADING])
+        half = math.cos(0.5 * sensor[VIEW]) - FIT_TOLERANCE
     for a in range(n_ids):
         i = ids[a]
         dx = landmarks[i, 0] - x
         dy = landmarks[i, 1] - y
         s = 1.0 / (dx * dx + dy * dy) if has_bit(words, i) else np.nan
+        if fixed and not _is_ahead(dx, dy, ahead_x, ahead_y, half):
+            s = np.nan
         gx[a] = dx * s
         gy[a] = dy * s
         rho[a] = math.sqrt(s)
@@ -238,7 +284,18 @@ def compare_in_cell(
             value_first = value_at(x, y, i, j, k, landmarks, survey, sensor)
             top = max(top, value_first * (1.0 - SLACK))
     bar = top * loose
-    _excess(count, found, sums, bar, cos_view, gx, gy, rho, excess)
+    axis_need = 0.0
+    flat = 0.0
+    if sensor[CRITERION] != AREA and sensor[LEVER] == 0.0:
+        low = sensor[ON_AXIS]
+        if sensor[MODE] != OMNIDIRECTIONAL:
+            low *= math.cos(0.5 * sensor[VIEW]) ** 4
+        axis_need = 0.5 * math.sqrt(bar) * low * (1.0 - SLACK)
+        if sensor[CRITERION] == MAX_AXIS:
+            # 4 det / trace² is no more than this times D² / (sum of squared sides)².
+            high = sensor[ON_AXIS] + _most_share(n_ids, ids, x, y, landmarks, survey, sensor)
+            flat = 12.0 * high * high / (low * low)
+    _excess(count, found, sums, bar, cos_view, axis_need, flat, gx, gy, rho, excess)
     for c in range(count):
         if not excess[c] >= 0.0:
             continue

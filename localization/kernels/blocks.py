@@ -19,10 +19,12 @@ import numpy as np
 from numba import njit
 
 from localization.kernels.fix import (
+    AREA,
     FIT_TOLERANCE,
     FIXED,
     FLOOR,
     HEADING,
+    MAX_AXIS,
     MODE,
     OMNIDIRECTIONAL,
     ON_AXIS,
@@ -100,27 +102,74 @@ def known_share(turn, h, sensor):
 
 
 @njit(cache=True, nogil=True)
-def third_margins(first, last, w, xi, yi, xj, yj, turned, need):
-    """By how much the bounds of the triplets with two given and one of (first … last - 1) exceed ``need``."""
+def third_margins(first, last, w, xi, yi, xj, yj, turned, need, most, sides, axis_need):
+    """By how much the bounds of the triplets with two given and one of (first … last - 1) exceed ``need``.
+
+    ``axis_need`` > 0: also by ``D² / N``, N the sum of squared sides times variances; of these ``sides`` (2)
+    has the least for the side between the two and for the others. ``most`` is the gain of the two together.
+    """
     ex = xj - xi
     ey = yj - yi
+    e2 = ex * ex + ey * ey
     tiny = 1e-13 * (xi * xi + yi * yi + xj * xj + yj * yj)
     base = np.uint64(first)
     for step in range(last - first):
         k = base + np.uint64(step)
-        xk = w[X, k]
-        yk = w[Y, k]
-        d = ex * (yk - yi) - ey * (xk - xi)
-        dot = (xi - xk) * (xj - xk) + (yi - yk) * (yj - yk)
+        ax = xi - w[X, k]
+        ay = yi - w[Y, k]
+        bx = xj - w[X, k]
+        by = yj - w[Y, k]
+        d = ax * by - ay * bx
+        dot = ax * bx + ay * by
         gain = w[GAIN, k]
-        w[THIRD, k] = (abs(d) + abs(dot) * turned + tiny) * gain * gain - need
+        d = (abs(d) + abs(dot) * turned + tiny) * gain * gain
+        other = (ax * ax + ay * ay + bx * bx + by * by) / (gain * gain)
+        # The gains of the two are in ``most``; either's alone is no larger.
+        fits = d * d * most >= axis_need * (sides[0] * e2 + sides[1] * other) / most
+        w[THIRD, k] = d - need if fits else -1.0
 
 
 @njit(cache=True, nogil=True)
-def bound(lo, m, hi, w, hx, hy, slope_x, slope_y, on_axis, cos_view, fixed):
-    """Largest D, over the slope, that a triplet has in the block, and its least pair sum of variances.
+def _topped(d, kx, ky, rest_of_sides, hx, hy, slope_x, slope_y, v, pair, most, xs, ys, axes):
+    """Largest value over the slope in the block, and its bound ``a exp(k · δ)``: value, a, k (2).
 
-    The first also as ``a exp(k · δ) ≥ D(δ)`` over the slope: a, and k (2).
+    From ``d exp(k · δ) ≥ D(δ)``; v (3), xs (3), ys (3) of the corners, least and most of their pair sum.
+    """
+    value = d * d / pair
+    top = value * _grown(2.0 * (hx * abs(kx) + hy * abs(ky)))
+    gx = 2.0 * kx
+    gy = 2.0 * ky
+    if axes != AREA:
+        # 4 / trace² = 4 D⁴ / N², N = Σ v |opposite side|², and N is no less than its tangent in the exponent.
+        a = v[0] * ((xs[2] - xs[1]) ** 2 + (ys[2] - ys[1]) ** 2)
+        b = v[1] * ((xs[2] - xs[0]) ** 2 + (ys[2] - ys[0]) ** 2)
+        c = v[2] * ((xs[1] - xs[0]) ** 2 + (ys[1] - ys[0]) ** 2)
+        total = a + b + c
+        mx = 2.0 * (a * (xs[1] + xs[2]) + b * (xs[0] + xs[2]) + c * (xs[0] + xs[1])) / total
+        my = 2.0 * (a * (ys[1] + ys[2]) + b * (ys[0] + ys[2]) + c * (ys[0] + ys[1])) / total
+        nx = 4.0 * kx + slope_x - 2.0 * mx
+        ny = 4.0 * ky + slope_y - 2.0 * my
+        root = d * d / total
+        grown = _grown(2.0 * rest_of_sides)
+        other = 4.0 * root * root * grown
+        if axes == MAX_AXIS:
+            # λ = trace / 2 (1 + √(1 - 4 det / trace²))
+            tx = 2.0 * (kx - mx) + slope_x
+            ty = 2.0 * (ky - my) + slope_y
+            flat = 4.0 * most * (d / total) ** 2 * grown * _grown(hx * abs(tx) + hy * abs(ty))
+            flat = 1.0 + math.sqrt(max(0.0, 1.0 - flat))
+            other /= flat * flat
+        other_top = other * _grown(hx * abs(nx) + hy * abs(ny))
+        if other_top < top:
+            return other_top, other, nx, ny
+    return top, value, gx, gy
+
+
+@njit(cache=True, nogil=True)
+def bound(lo, m, hi, w, hx, hy, slope_x, slope_y, on_axis, cos_view, fixed, axes):
+    """Largest value, over the slope, of a triplet in the block, and its least pair sum of variances.
+
+    The first also as ``a exp(k · δ)``: value, pair sum, a, k (2). ``axes`` is the criterion.
     """
     xl = w[X, lo]
     yl = w[Y, lo]
@@ -145,38 +194,50 @@ def bound(lo, m, hi, w, hx, hy, slope_x, slope_y, on_axis, cos_view, fixed):
         ky -= q * ex
     else:
         d = (abs(d) + abs(dot) * turned) * _grown(rest)
-    most = d * _grown(hx * abs(kx) + hy * abs(ky))
     if fixed:
         v1 = w[LEAST, lo]
         v2 = w[LEAST, m]
         v3 = w[LEAST, hi]
-        return most, v1 * v2 + v3 * (v1 + v2), d, kx, ky
-    rl = w[P, lo]
-    rm = w[P, m]
-    rh = w[P, hi]
-    c13 = (xl * xh + yl * yh) / (rl * rh)
-    ax = xm - xl
-    ay = ym - yl
-    bx = xh - xm
-    by = yh - ym
-    turned_a = hx * abs(ay) + hy * abs(ax) + w[REST, m] + w[REST, lo]
-    turned_b = hx * abs(by) + hy * abs(bx) + w[REST, m] + w[REST, hi]
-    if xl * ym - yl * xm > turned_a * rl * rm and xm * yh - ym * xh > turned_b * rm * rh:
-        # The middle one stays in the middle.
-        p = 0.5 * (1.0 + max(cos_view, c13 - turned))
-        outer = on_axis * p * p
-        inner = 0.5 * ((xl * xm + yl * ym) / rl + (xm * xh + ym * yh) / rh) / rm
-        off = inner / math.sqrt(0.5 * (1.0 + c13))
-        bx = xm - 0.5 * (xl + xh)
-        by = ym - 0.5 * (yl + yh)
-        off -= hx * abs(by) + hy * abs(bx) + w[REST, m] + 0.5 * outer_rest
-        p = max(p, off * off) if off > 0.0 else p
-        middle = on_axis * p * p
     else:
-        p = 0.5 * (1.0 + max(cos_view, c13 - turned - turned_a - turned_b))
-        outer = on_axis * p * p
-        middle = outer
-    v1 = outer + w[SHARE, lo]
-    v2 = middle + w[SHARE, m]
-    v3 = outer + w[SHARE, hi]
-    return most, v1 * v2 + v3 * (v1 + v2), d, kx, ky
+        rl = w[P, lo]
+        rm = w[P, m]
+        rh = w[P, hi]
+        c13 = (xl * xh + yl * yh) / (rl * rh)
+        ax = xm - xl
+        ay = ym - yl
+        bx = xh - xm
+        by = yh - ym
+        turned_a = hx * abs(ay) + hy * abs(ax) + w[REST, m] + w[REST, lo]
+        turned_b = hx * abs(by) + hy * abs(bx) + w[REST, m] + w[REST, hi]
+        if xl * ym - yl * xm > turned_a * rl * rm and xm * yh - ym * xh > turned_b * rm * rh:
+            # The middle one stays in the middle.
+            p = 0.5 * (1.0 + max(cos_view, c13 - turned))
+            outer = on_axis * p * p
+            inner = 0.5 * ((xl * xm + yl * ym) / rl + (xm * xh + ym * yh) / rh) / rm
+            off = inner / math.sqrt(0.5 * (1.0 + c13))
+            bx = xm - 0.5 * (xl + xh)
+            by = ym - 0.5 * (yl + yh)
+            off -= hx * abs(by) + hy * abs(bx) + w[REST, m] + 0.5 * outer_rest
+            p = max(p, off * off) if off > 0.0 else p
+            middle = on_axis * p * p
+        else:
+            p = 0.5 * (1.0 + max(cos_view, c13 - turned - turned_a - turned_b))
+            outer = on_axis * p * p
+            middle = outer
+        v1 = outer + w[SHARE, lo]
+        v2 = middle + w[SHARE, m]
+        v3 = outer + w[SHARE, hi]
+    pair = v1 * v2 + v3 * (v1 + v2)
+    # Shares of variance grow by no more than (1 + u)² / (1 - u)², u ≤ MOST_TURN.
+    share = 3.5 * max(w[SHARE, lo], w[SHARE, m], w[SHARE, hi])
+    v = on_axis + share
+    outer = v
+    if not fixed:
+        outer = 0.5 * (1.0 + min(1.0, (xl * xh + yl * yh) / (w[P, lo] * w[P, hi]) + turned))
+        outer = on_axis * outer * outer + share
+    most = outer * (outer + 2.0 * v) if not fixed else 3.0 * v * v
+    rest = 2.0 * (w[REST, m] + outer_rest)
+    top, value, kx, ky = _topped(
+        d, kx, ky, rest, hx, hy, slope_x, slope_y, (v1, v2, v3), pair, most, (xl, xm, xh), (yl, ym, yh), axes
+    )
+    return top, pair, value, kx, ky

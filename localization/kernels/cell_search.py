@@ -8,9 +8,9 @@ from numba import njit
 from localization.kernels.fix import CENTRED_FREE, FIXED, MODE, OMNIDIRECTIONAL
 from localization.kernels.seen import in_view, inverted, strongest_first, visible_indices
 from localization.kernels.spans import azimuth_key, ranked_by_span
+from localization.kernels.triangles import largest_triangle
 from localization.kernels.triplets import (
     is_degenerate,
-    largest_triangle,
     ranked_triplets,
     sorted_three,
     strong_pairs,
@@ -31,6 +31,8 @@ _MANY_SHARE = 0.05
 # Seeds that are tried; with few landmarks they do not pay.
 _TRIED = 6
 _SEEDED_FROM = 12
+# Points near the hull from which their order is kept.
+_SORTED_FROM = 20
 
 
 @njit(cache=True, nogil=True)
@@ -57,6 +59,29 @@ def remember_sorted(triplet, seeds, state):
     """Keep a triplet in any order, which is ascending afterwards."""
     triplet[0], triplet[1], triplet[2] = sorted_three(triplet[0], triplet[1], triplet[2])
     remember(triplet, seeds, state)
+
+
+@njit(cache=True, nogil=True)
+def _as_before(n, seen, last, n_last, at, mark, order):
+    """Positions in ``seen`` (n,) in the order of the landmarks ``last`` (n_last,), then the others."""
+    if n_last == 0:
+        for a in range(n):
+            order[a] = a
+        return
+    for a in range(n):
+        at[seen[a]] = a
+        mark[seen[a]] = 1
+    m = 0
+    for a in range(n_last):
+        if mark[last[a]] == 1:
+            order[m] = at[last[a]]
+            mark[last[a]] = 0
+            m += 1
+    for a in range(n):
+        if mark[seen[a]] == 1:
+            order[m] = a
+            mark[seen[a]] = 0
+            m += 1
 
 
 @njit(cache=True, nogil=True)
@@ -88,7 +113,11 @@ def search_cell(
         gx[a] = dx / r2
         gy[a] = dy / r2
     if hull_only:
-        d = largest_triangle(n, gx, gy, order, orders[HULL], best)
+        _as_before(n, seen, orders[LAST], state[N_LAST], orders[AT], mark, order)
+        d, m = largest_triangle(n, gx, gy, order, orders[HULL], best)
+        state[N_LAST] = m if m > _SORTED_FROM else 0
+        for a in range(state[N_LAST]):
+            orders[LAST, a] = seen[order[a]]
         if best[0] >= 0:
             for c in range(3):
                 best[c] = seen[best[c]]

@@ -30,11 +30,13 @@ from localization.kernels.cell_search import (
     remember,
     search_cell,
 )
+from localization.kernels.few import search_few
 from localization.kernels.fix import (
     AREA,
     CENTRED_FREE,
     CRITERION,
     FIXED,
+    FLOOR,
     LEVER,
     LEVER_X,
     LEVER_Y,
@@ -89,6 +91,22 @@ def _put(row, col, best, n, out_triplet, out_n_visible, done):
 @njit(cache=True, nogil=True)
 def search_tile(centres, free, masks, landmarks, survey, has_survey, sensor, out_triplet, out_n_visible):
     """Best triplet of every free cell of a tile, and how many landmarks it sees; see ``field_tile``."""
+    done = np.zeros(free.shape, dtype=np.bool_)
+    plain = sensor[N_MUTED] == 0.0 and not has_survey and sensor[FLOOR] == 0.0 and sensor[LEVER] == 0.0
+    left = 1
+    if plain and sensor[MODE] in (OMNIDIRECTIONAL, CENTRED_FREE, FIXED):
+        left = search_few(centres, free, masks, landmarks, sensor, out_triplet, out_n_visible, done)
+    if left > 0:
+        _search_rest(
+            centres, free, masks, landmarks, survey, has_survey, sensor, out_triplet, out_n_visible, done
+        )
+
+
+@njit(cache=True, nogil=True)
+def _search_rest(
+    centres, free, masks, landmarks, survey, has_survey, sensor, out_triplet, out_n_visible, done
+):
+    """Cells that are not done: blocks where that pays, then one by one."""
     h, w = free.shape
     n_all = landmarks.shape[0]
     mode = sensor[MODE]
@@ -104,7 +122,6 @@ def search_tile(centres, free, masks, landmarks, survey, has_survey, sensor, out
     state = np.zeros(5, dtype=np.int64)
     state[NEWEST] = _N_SEEDS - 1
     best = np.empty(3, dtype=np.int64)
-    done = np.zeros((h, w), dtype=np.bool_)
     # Of blocks.
     size = _BLOCK * _BLOCK if in_blocks else 0
     rows = np.empty(size, dtype=np.int64)
@@ -144,9 +161,12 @@ def search_tile(centres, free, masks, landmarks, survey, has_survey, sensor, out
             if n < 3:
                 continue
             if state[N_KNOWN] == 0:
+                # Any good triplet will do, and the best by area is found fastest.
+                by_area = sensor.copy()
+                by_area[CRITERION] = AREA
                 search_cell(
-                    px[0], py[0], masks[rows[0], cols[0]], landmarks, survey, sensor, hull_only, work, orders,
-                    mark, seeds, state, False, best,
+                    px[0], py[0], masks[rows[0], cols[0]], landmarks, survey, by_area, hull_only, work,
+                    orders, mark, seeds, state, False, best,
                 )  # fmt: skip
             know_block(
                 m, rows, cols, px, py, known, by, settled, pool, masks, n, seen, landmarks,

@@ -18,6 +18,7 @@ from localization.field_builder import build_field, warm_up
 from localization.sensors import LASER, MAS97_CAMERA, OmnidirectionalSensor, kernel_args
 from localization.tiles import tile_windows
 from localization.triplets import best_triplet
+from maps.arrays import frozen
 from maps.errors import InvalidGeometry, TooFewLandmarks
 from maps.floor_plan import FloorPlan
 from maps.grid import GridFrame, OccupancyGrid
@@ -26,7 +27,7 @@ from maps.io.site import bundled_site
 from maps.landmarks import LandmarkSet
 from maps.visibility import compute_visibility, visible_landmarks
 from maps.world import World
-from tests.benchmarks.bench_triplets import enumerate_all, enumerate_view
+from tests.benchmarks.bench_triplets import least_by_enumeration
 from tests.worlds import world_from_ascii
 
 HALL = """
@@ -269,7 +270,8 @@ def test_every_cell_of_the_bundled_sites_equals_enumeration(name, sensor):
     visible = compute_visibility(world, field.frame, max_range=sensor.max_range).masks()
     area95 = field.area95
     centres = field.frame.centres()
-    variance = kernel_args(sensor)[1]
+    args = kernel_args(sensor)
+    variance = args[1]
     positions = world.landmarks.positions
     assert not world.landmarks.sigma.any()
     compared = 0
@@ -278,10 +280,7 @@ def test_every_cell_of_the_bundled_sites_equals_enumeration(name, sensor):
         seen = [i for i in range(len(positions)) if int(words[i // 64]) >> (i % 64) & 1]
         assert field.n_visible[row, col] == len(seen)
         x, y = centres[row, col]
-        if sensor.kind == "omnidirectional":
-            best = enumerate_all(x, y, positions[seen]) / math.sqrt(3.0)
-        else:
-            best = math.sqrt(enumerate_view(x, y, positions[seen], sensor.field_of_view))
+        best = variance / math.sqrt(least_by_enumeration(x, y, frozen(positions[seen]), args))
         if not field.has_fix[row, col]:
             assert best * 100.0 < 1e-6  # nothing, or a danger circle
             continue

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from localization.kernels.block_known import value_at
 from localization.kernels.field import ranked_at
 from localization.kernels.seen import in_view
 from localization.kernels.tile_search import search_tile
@@ -42,7 +43,9 @@ def layout(rng, name, n):
     return np.column_stack([at % side, at // side]) * (16.0 / side) - 7.93
 
 
-def check(rng, sensor, landmarks, shape, cell, sigmas, criterion="area", share=1.0, heading=0.4):
+def check(
+    rng, sensor, landmarks, shape, cell, sigmas, criterion="area", share=1.0, heading=0.4, by_value=False
+):
     """A tile against every cell's own ranking; cells with a triplet."""
     n = len(landmarks)
     gx, gy = np.meshgrid(np.arange(shape[1]), np.arange(shape[0]))
@@ -60,11 +63,15 @@ def check(rng, sensor, landmarks, shape, cell, sigmas, criterion="area", share=1
         seen = seen[: in_view(x, y, len(seen), seen, landmarks, args)]
         values, best = np.empty(1), np.empty((1, 3), dtype=np.int64)
         assert count[r, c] == len(seen)
-        got = triplet[r, c].tolist()
+        got = [int(i) for i in triplet[r, c]]
         if len(seen) < 3 or not ranked_at(x, y, seen, landmarks, survey, args, values, best):
             assert got == [-1, -1, -1]
             continue
-        assert got == best[0].tolist(), (r, c, got, best[0])
+        if by_value:
+            assert got == sorted(got)
+            assert value_at(x, y, *got, landmarks, survey, args) == pytest.approx(values[0], rel=1e-9)
+        else:
+            assert got == best[0].tolist(), (r, c, got, best[0])
         found += 1
     return found
 
@@ -100,6 +107,23 @@ def test_many_landmarks(rng, layout_name):
     for n in (120, 300):
         found = check(rng, SENSORS["mas97"], layout(rng, layout_name, n), (8, 9), 0.1, np.zeros(n))
         assert found > 20
+
+
+@pytest.mark.parametrize("layout_name", LAYOUTS)
+def test_largest_triangle_in_every_cell(rng, layout_name):
+    # By hull and by enumeration; of equal triangles either may be taken.
+    for n in (3, 5, 12, 17, 30, 80):
+        landmarks = layout(rng, layout_name, n)
+        assert check(rng, SENSORS["laser"], landmarks, (9, 9), 0.1, np.zeros(n), by_value=True) > 30
+        check(rng, SENSORS["laser"], landmarks, (5, 5), 0.1, np.zeros(n), share=0.5, by_value=True)
+
+
+@pytest.mark.parametrize("criterion", ["max_axis", "trace"])
+def test_many_landmarks_with_other_criteria(rng, criterion):
+    for layout_name in LAYOUTS:
+        landmarks = layout(rng, layout_name, 60)
+        assert check(rng, SENSORS["mas97"], landmarks, (8, 8), 0.1, np.zeros(60), criterion) > 20
+        check(rng, SENSORS["pinhole fixed"], landmarks, (8, 8), 0.1, np.zeros(60), criterion)
 
 
 def test_coarse_cells_and_cells_on_landmarks(rng):

@@ -8,9 +8,9 @@ import math
 import numpy as np
 import pytest
 
+from localization.kernels.triangles import largest_triangle
 from localization.kernels.triplets import (
     comes_before,
-    largest_triangle,
     offer,
     sorted_three,
     strong_pairs,
@@ -25,7 +25,11 @@ def largest(points):
     n = len(points)
     corners = np.empty(3, dtype=np.int64)
     x, y = np.ascontiguousarray(points[:, 0]), np.ascontiguousarray(points[:, 1])
-    area = largest_triangle(n, x, y, np.empty(n, np.int64), np.empty(n + 1, np.int64), corners)
+    area, _ = largest_triangle(n, x, y, np.arange(n), np.empty(n + 1, np.int64), corners)
+    again = np.empty(3, dtype=np.int64)
+    start = np.random.default_rng(n).permutation(n)
+    assert largest_triangle(n, x, y, start, np.empty(n + 1, np.int64), again)[0] == area
+    assert again.tolist() == corners.tolist()
     return area, corners
 
 
