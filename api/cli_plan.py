@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -12,6 +13,7 @@ import typer
 from api.areas import read_areas
 from api.cli_common import EXIT_UNMET, Field_, read_field, write_file
 from api.console import err, print_note, print_plan
+from api.questions import FRONT_COUNT, AlternativesAsked, FrontAsked, More
 from localization.heading_field import HeadingField
 from planner.errors import InvalidProblem
 
@@ -24,7 +26,8 @@ def plan(
     objective: Annotated[
         str,
         typer.Option(
-            help="shortest; weighted: cost per metre 1 + weight · r95; minimax: least worst r95, then length."
+            help="shortest; weighted: cost per metre 1 + weight · r95; minimax: least worst r95, then "
+            "length; pareto: routes from the shortest to the surest."
         ),
     ] = "weighted",
     weight: Annotated[
@@ -49,6 +52,31 @@ def plan(
         str,
         typer.Option(help="Whose uncertainty counts: fix, or fused (the filter's, odometry and fixes)."),
     ] = "fix",
+    against: Annotated[
+        str | None, typer.Option(help="For pareto: worst (default) or mean r95 against length.")
+    ] = None,
+    count: Annotated[
+        int | None, typer.Option(metavar="N", help="For pareto: routes at most, 2 to 50 (default 8).")
+    ] = None,
+    alternatives: Annotated[
+        int | None,
+        typer.Option(metavar="K", help="Up to K routes that differ, 1 to 10, the best one included."),
+    ] = None,
+    max_cost_factor: Annotated[
+        float,
+        typer.Option("--max-cost-factor", metavar="F", help="Alternatives cost at most this times the best."),
+    ] = 1.4,
+    max_share: Annotated[
+        float,
+        typer.Option("--max-share", metavar="Q", help="Alternatives share at most this part of their way."),
+    ] = 0.6,
+    schedule: Annotated[
+        bool, typer.Option("--schedule", help="Say for every stretch which landmarks to look at, and where.")
+    ] = False,
+    pan_rate_deg: Annotated[
+        float | None,
+        typer.Option("--pan-rate-deg", metavar="W", help="Of a pan head, °/s. Default: it turns at once."),
+    ] = None,
     via: Annotated[
         list[str] | None,
         typer.Option(metavar="X,Y", help="Place to pass; may be given several times, in order."),
@@ -80,7 +108,7 @@ def plan(
         ),
     ] = None,
     picture: Annotated[
-        Path | None, typer.Option(metavar="PNG", help="Draw map, field, both routes and ellipses.")
+        Path | None, typer.Option(metavar="PNG", help="Draw map, field, all routes and ellipses.")
     ] = None,
 ) -> None:
     """Plan a path through a field: the one on which the robot knows where it is.
@@ -90,16 +118,21 @@ def plan(
     Exit code 3 when no path keeps the bound (the best effort is written all the same).
     """
     from api.codec import plan_to_json  # noqa: PLC0415
+    from api.finding import find, warm_up  # noqa: PLC0415
     from planner.context import PlanningContext  # noqa: PLC0415
-    from planner.plan import plan as make_plan  # noqa: PLC0415
-    from planner.plan import warm_up  # noqa: PLC0415
     from planner.problem import PlanningProblem  # noqa: PLC0415
 
+    more = More(
+        None if alternatives is None else AlternativesAsked(alternatives, max_cost_factor, max_share),
+        _front(objective, against, count),
+        schedule,
+        _pan_rate(pan_rate_deg),
+    )
     problem = PlanningProblem(
         start=start,
         goal=goal,
         radius=radius,
-        objective=objective,  # type: ignore[arg-type]  # checked by the problem itself
+        objective="shortest" if more.front else objective,  # type: ignore[arg-type]  # checked by itself
         weight=weight,
         max_r95=max_r95,
         max_ellipse95=max_ellipse95,
@@ -125,10 +158,9 @@ def plan(
     else:
         loaded = found
     with err.status("preparing …"):
-        warm_up()  # compiling is not planning: the deadline starts afterwards
+        warm_up(more)  # compiling is not planning: the deadline starts afterwards
         context = PlanningContext(loaded)
-    result = make_plan(problem, context)
-    answer = plan_to_json(result, loaded, problem=problem)
+    answer = plan_to_json(find(problem, context, more), loaded, problem=problem, more=more)
     to_stdout = output is not None and str(output) == "-"
     if output is not None:
         text = json.dumps(answer, indent=1, allow_nan=False) + "\n"
@@ -141,6 +173,24 @@ def plan(
         print_plan(answer)
     if answer["status"] not in {"exact", "approximate"}:
         raise typer.Exit(EXIT_UNMET)
+
+
+def _front(objective: str, against: str | None, count: int | None) -> FrontAsked | None:
+    """The front that is asked for."""
+    if objective == "pareto":
+        against = "worst" if against is None else against
+        return FrontAsked(against, FRONT_COUNT if count is None else count)  # type: ignore[arg-type]
+    if against is not None or count is not None:
+        raise InvalidProblem("--against and --count belong to --objective pareto.")
+    return None
+
+
+def _pan_rate(degrees: float | None) -> float:
+    if degrees is None:
+        return math.inf
+    if not (math.isfinite(degrees) and degrees > 0):
+        raise InvalidProblem(f"The pan rate is {degrees}°/s; it must be positive and finite.")
+    return math.radians(degrees)
 
 
 def _place(text: str) -> tuple[float, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -16,6 +17,17 @@ from localization.uncertainty_field import UncertaintyField
 
 out = Console()
 err = Console(stderr=True)
+
+#: Figures of a route: name, digits, where they stand in the answer.
+_ROWS: list[tuple[str, int, Callable[[dict[str, Any]], float | None]]] = [
+    ("length [m]", 2, lambda r: r["length_m"]),
+    ("duration [s]", 2, lambda r: r["duration_s"]),
+    ("mean r95 [m]", 4, lambda r: r["uncertainty"]["mean_r95_m"]),
+    ("worst r95 [m]", 4, lambda r: r["uncertainty"]["max_r95_m"]),
+    ("worst ellipse area [m²]", 4, lambda r: r["uncertainty"]["max_area95_m2"]),
+    ("without a fix [m]", 2, lambda r: r["uncertainty"]["blind_m"]),
+    ("least clearance [m]", 3, lambda r: r["min_clearance_m"]),
+]
 
 
 def progress_bar() -> Progress:
@@ -85,15 +97,20 @@ def _add_r95(table: Table, name: str, field: UncertaintyField) -> None:
 
 
 def print_plan(answer: dict[str, Any]) -> None:
-    """Status, table of the route beside the shortest one, and what was not met."""
+    """Status, table of the route beside the shortest one or of all routes, and what was not met."""
     color = "green" if answer["status"] in {"exact", "approximate"} else "yellow"
     out.print(f"status: [{color}]{answer['status']}[/{color}] ({answer['planner']})")
-    if answer["routes"]:
+    if len(answer["routes"]) > 1 or (answer["routes"] and answer["routes"][0].get("front")):
+        out.print(routes_table(answer))
+    elif answer["routes"]:
         out.print(comparison_table(answer))
+    if answer["routes"] and answer["routes"][0].get("schedule"):
+        of_first = " of route 1 (of the others: in the written answer)" if len(answer["routes"]) > 1 else ""
+        out.print(schedule_table(answer["routes"][0], f"when to look where{of_first}"))
     for item in answer["unmet"]:
-        out.print(f"[yellow]not met[/yellow] {item['message']}", highlight=False)
+        out.print(f"[yellow]not met[/yellow] {escape(item['message'])}", highlight=False)
     for warning in answer["warnings"]:
-        out.print(f"[yellow]note[/yellow] {warning}", highlight=False)
+        out.print(f"[yellow]note[/yellow] {escape(warning)}", highlight=False)
 
 
 def comparison_table(answer: dict[str, Any]) -> Table:
@@ -102,19 +119,59 @@ def comparison_table(answer: dict[str, Any]) -> Table:
     for name in ("", "shortest", "low uncertainty", "change"):
         table.add_column(name, justify="left" if not name else "right")
     chosen, shortest = answer["routes"][0], answer.get("shortest_baseline")
-    rows: list[tuple[str, int, Callable[[dict[str, Any]], float | None]]] = [
-        ("length [m]", 2, lambda r: r["length_m"]),
-        ("duration [s]", 2, lambda r: r["duration_s"]),
-        ("mean r95 [m]", 4, lambda r: r["uncertainty"]["mean_r95_m"]),
-        ("worst r95 [m]", 4, lambda r: r["uncertainty"]["max_r95_m"]),
-        ("worst ellipse area [m²]", 4, lambda r: r["uncertainty"]["max_area95_m2"]),
-        ("without a fix [m]", 2, lambda r: r["uncertainty"]["blind_m"]),
-        ("least clearance [m]", 3, lambda r: r["min_clearance_m"]),
-    ]
-    for name, digits, read in rows:
+    for name, digits, read in _ROWS:
         a = read(shortest) if shortest else None
         b = read(chosen)
         change = f"{100 * (b - a) / a:+.1f} %" if a and b is not None else ""
-        cells = ("–" if v is None else f"{v:.{digits}f}" for v in (a, b))
-        table.add_row(name, *cells, change)
+        table.add_row(escape(name), *(_cell(v, digits) for v in (a, b)), change)
     return table
+
+
+def routes_table(answer: dict[str, Any]) -> Table:
+    """One row for each route, the shortest one of the robot last."""
+    routes, shortest = answer["routes"], answer.get("shortest_baseline")
+    front = routes[0].get("front")
+    last = "shared" if front is None else "max r95" if front["against"] == "worst" else "weight"
+    table = Table()
+    for name in ("route", "m", "s", "mean r95", "worst r95", "no fix", "clear", last):
+        table.add_column(name, justify="right")
+    rows = [row for row in _ROWS if "area" not in row[0]]
+    for number, route in enumerate(routes, 1):
+        cells = [_cell(read(route), digits) for _, digits, read in rows]
+        table.add_row(str(number), *cells, _of_list(route))
+    if shortest:
+        table.add_row("shortest", *(_cell(read(shortest), digits) for _, digits, read in rows), "")
+    return table
+
+
+def _of_list(route: dict[str, Any]) -> str:
+    """What a route shares with those before it, or the setting that a front has it from."""
+    place = route.get("front")
+    if place is None:
+        return "–" if route["share"] is None else f"{100 * route['share']:.0f} %"
+    setting = place["max_r95_m"] or place["uncertainty_weight_per_m"]
+    return "–" if setting is None else f"{setting:.4g}"
+
+
+def schedule_table(route: dict[str, Any], title: str) -> Table:
+    """When to look where along a route."""
+    table = Table(title=title, title_justify="left")
+    for name in ("m", "s", "landmarks", "pan", "worst r95", "turn at", "usable", "late"):
+        table.add_column(name, justify="left" if name == "landmarks" else "right")
+    for part in route["schedule"]:
+        pan = part["pan_start_rad"]
+        table.add_row(
+            f"{part['s_start_m']:.1f}–{part['s_end_m']:.1f}",
+            _cell(part["t_start_s"], 1),
+            " ".join(part["triplet"]) if part["triplet"] else "none",
+            "–" if pan is None else f"{math.degrees(pan):.0f}°",
+            _cell(part["max_r95_m"], 4),
+            _cell(part["turn_from_s"], 1),
+            f"+{part['usable_after_m']:.1f} m",
+            _cell(part["late_r95_m"], 4),
+        )
+    return table
+
+
+def _cell(value: float | None, digits: int) -> str:
+    return "–" if value is None else f"{value:.{digits}f}"

@@ -130,9 +130,11 @@ def _scheduled(found: Found, context: PlanningContext, pan_rate: float, clock: C
     return Found(replace(found.result, warnings=tuple(warnings)), tuple(routes))
 
 
-def warm_up() -> None:
-    """Compile or load what plans need, with all that may be asked for beside a route, in a made-up room."""
+def warm_up(more: More | None = None) -> None:
+    """Compile or load what plans need, in a made-up room; with ``more`` only what that asks for."""
     planning.warm_up()
-    pareto.warm_up()
-    problem = PlanningProblem((1.0, 1.0), (5.0, 5.0), 0.2, weight=0.0, deadline=MAX_DEADLINE_S)
-    find(problem, example_context(), More(AlternativesAsked(count=2), schedule=True))
+    if more is None or more.front is not None:
+        pareto.warm_up()
+    if more is None or more.alternatives is not None or more.schedule:
+        problem = PlanningProblem((1.0, 1.0), (5.0, 5.0), 0.2, weight=0.0, deadline=MAX_DEADLINE_S)
+        find(problem, example_context(), More(AlternativesAsked(count=2), schedule=True))

@@ -1,4 +1,4 @@
-"""A plan as a picture: map, field, both routes, 95 % ellipses along them, landmarks used."""
+"""A plan as a picture: map, field, all routes with a table, 95 % ellipses along them, landmarks used."""
 
 from __future__ import annotations
 
@@ -17,8 +17,19 @@ from maps.arrays import FloatArray
 
 _CHOSEN: Color = (0, 92, 230)
 _SHORTEST: Color = (214, 79, 12)
+#: Of alternatives after the first; a front goes from the colour of the shortest to that of the chosen one.
+_OTHERS: tuple[Color, ...] = (
+    (190, 0, 110),
+    (0, 125, 70),
+    (120, 50, 190),
+    (135, 85, 20),
+    (0, 140, 165),
+    (80, 80, 90),
+)
 _HEADER = 30
 _FOOTER = 84
+_ROW = 20
+_GREY: Color = (90, 96, 104)
 _OVERSAMPLING = 2
 _MARGIN_M = 2.0
 _ENLARGEMENTS = (1, 2, 5, 10, 20, 50, 100, 200)
@@ -28,6 +39,8 @@ _ENLARGEMENTS = (1, 2, 5, 10, 20, 50, 100, 200)
 class _Drawn:
     name: str
     color: Color
+    is_main: bool
+    has_ellipses: bool
     figures: dict[str, Any]
     points: FloatArray
     s: FloatArray
@@ -58,7 +71,9 @@ def plan_png(field: UncertaintyField, answer: dict[str, Any], *, width: int = 15
     bounds = _window(field, routes)
     map_width = max(64, width - 142) * _OVERSAMPLING
     map_height = round(map_width * (bounds[3] - bounds[1]) / (bounds[2] - bounds[0]))
-    height = map_height // _OVERSAMPLING + _HEADER + _FOOTER
+    is_list = len(answer["routes"]) > 1
+    footer = 44 + _ROW * (len(routes) + 1) if is_list else _FOOTER
+    height = map_height // _OVERSAMPLING + _HEADER + footer
     canvas.check_size(width * _OVERSAMPLING, height * _OVERSAMPLING)
     view = canvas.fit_view(bounds, map_width, map_height)
     limits = layers.color_range(field.metric("area95_m2"), None, None, "log")
@@ -81,7 +96,8 @@ def plan_png(field: UncertaintyField, answer: dict[str, Any], *, width: int = 15
     draw.text(
         (12, 8), title or f"{field.world.name}: {answer['status']}", fill=layers.INK, font=canvas.font(15)
     )
-    _paint_key(draw, height - _FOOTER + 10, routes, enlargement)
+    paint = _paint_table if is_list else _paint_key
+    paint(draw, height - footer + 10, routes, enlargement)
     return canvas.encode_png(image)
 
 
@@ -109,13 +125,25 @@ def _map_with_routes(
     positions = dict(zip(field.world.landmarks.ids, field.world.landmarks.positions, strict=True))
     for route in routes:
         _paint_route(image, view, route, positions, enlargement)
+    numbered = [route for route in reversed(routes) if route.name.isdigit()]
+    for k, route in enumerate(numbered, 1):
+        at = int(np.searchsorted(route.s, float(route.s[-1]) * k / (len(numbered) + 1)))
+        _paint_mark(image, view, route.points[at], route.name, color=route.color, radius=13)
     if routes:
-        draw = ImageDraw.Draw(image)
         for point, letter in ((routes[-1].points[0], "S"), (routes[-1].points[-1], "G")):
-            x, y = (float(v) for v in view.to_pixel(point))
-            draw.ellipse([x - 15, y - 15, x + 15, y + 15], fill=layers.INK, outline=(255, 255, 255), width=3)
-            draw.text((x, y), letter, fill=(255, 255, 255), font=canvas.font(20), anchor="mm")
+            _paint_mark(image, view, point, letter, color=layers.INK, radius=15)
     return image
+
+
+def _paint_mark(
+    image: Image.Image, view: canvas.View, point: FloatArray, text: str, *, color: Color, radius: int
+) -> None:
+    """A disc with a letter or a number."""
+    draw = ImageDraw.Draw(image)
+    x, y = (float(v) for v in view.to_pixel(point))
+    box = [x - radius, y - radius, x + radius, y + radius]
+    draw.ellipse(box, fill=color, outline=(255, 255, 255), width=3)
+    draw.text((x, y), text, fill=(255, 255, 255), font=canvas.font(20), anchor="mm")
 
 
 def _window(field: UncertaintyField, routes: list[_Drawn]) -> canvas.BBox:
@@ -128,20 +156,46 @@ def _window(field: UncertaintyField, routes: list[_Drawn]) -> canvas.BBox:
 
 
 def _routes(answer: dict[str, Any]) -> list[_Drawn]:
+    """In the order in which they are drawn: the first of the answer is the last."""
+    found = answer["routes"]
     out = []
     if answer.get("shortest_baseline"):
-        out.append(_drawn("shortest", _SHORTEST, answer["shortest_baseline"]))
-    if answer["routes"]:
-        out.append(_drawn("low uncertainty", _CHOSEN, answer["routes"][0]))
-    return out
+        # Beside several routes its large ellipses would hide them.
+        alone = len(found) < 2
+        out.append(_drawn("shortest", _SHORTEST, answer["shortest_baseline"], has_ellipses=alone))
+    names = ["low uncertainty"] if len(found) == 1 else [str(k + 1) for k in range(len(found))]
+    listed = [
+        _drawn(name, color, route, is_main=k == 0, has_ellipses=k == 0 or route.get("front") is not None)
+        for k, (name, color, route) in enumerate(zip(names, _colors(found), found, strict=True))
+    ]
+    return out + listed[::-1]
 
 
-def _drawn(name: str, color: Color, route: dict[str, Any]) -> _Drawn:
+def _colors(found: list[dict[str, Any]]) -> list[Color]:
+    if len(found) > 1 and found[0].get("front"):
+        shares = [k / (len(found) - 1) for k in range(len(found))]
+        return [_between(_SHORTEST, _CHOSEN, share) for share in shares]
+    return [_CHOSEN, *(_OTHERS[k % len(_OTHERS)] for k in range(len(found) - 1))][: len(found)]
+
+
+def _between(a: Color, b: Color, share: float) -> Color:
+    """A colour of a front: over magenta, which no part of the heatmap has."""
+    middle = (200, 0, 140)
+    first, second, t = (a, middle, 2 * share) if share < 0.5 else (middle, b, 2 * share - 1)
+    red, green, blue = (round(u + (v - u) * t) for u, v in zip(first, second, strict=True))
+    return red, green, blue
+
+
+def _drawn(
+    name: str, color: Color, route: dict[str, Any], *, is_main: bool = False, has_ellipses: bool = True
+) -> _Drawn:
     path = route["path"]
     blind = [None, None, None]
     return _Drawn(
         name=name,
         color=color,
+        is_main=is_main,
+        has_ellipses=has_ellipses,
         figures=route,
         points=np.array([[p["x_m"], p["y_m"]] for p in path], dtype=np.float64),
         s=np.array([p["s_m"] for p in path], dtype=np.float64),
@@ -152,7 +206,7 @@ def _drawn(name: str, color: Color, route: dict[str, Any]) -> _Drawn:
 
 def _enlargement(routes: list[_Drawn], scale: float) -> int:
     """Factor that makes a typical ellipse about 18 px (oversampled) and a bad one not fill the picture."""
-    axes = [ellipse95(r.covariance)[..., 0] for r in routes]
+    axes = [ellipse95(r.covariance)[..., 0] for r in routes if r.has_ellipses]
     good = np.concatenate([a[np.isfinite(a)] for a in axes]) if axes else np.empty(0)
     if not len(good):
         return 1
@@ -165,18 +219,18 @@ def _paint_route(
     image: Image.Image, view: canvas.View, route: _Drawn, positions: dict[str, FloatArray], enlargement: int
 ) -> None:
     draw = ImageDraw.Draw(image, "RGBA")
-    chosen = route.color == _CHOSEN
     step = max(1.5, float(route.s[-1]) / 40)
     stops = np.searchsorted(route.s, np.arange(0.0, float(route.s[-1]) + 1e-9, step))
     for i in np.unique(np.minimum(stops, len(route.s) - 1)):
-        for name in (route.triplets[i] or []) if chosen else []:
+        for name in (route.triplets[i] or []) if route.is_main else []:
             (x0, y0), (x1, y1) = view.to_pixel(np.stack([route.points[i], positions[name]])).tolist()
             draw.line([(x0, y0), (x1, y1)], fill=(*route.color, 44), width=1)
-        _paint_ellipse(draw, view, route.points[i], route.covariance[i], route.color, enlargement)
+        if route.has_ellipses:
+            _paint_ellipse(draw, view, route.points[i], route.covariance[i], route.color, enlargement)
     line = [(float(x), float(y)) for x, y in view.to_pixel(route.points)]
     draw.line(line, fill=(255, 255, 255, 210), width=9, joint="curve")
     draw.line(line, fill=(*route.color, 255), width=5, joint="curve")
-    if chosen:
+    if route.is_main:
         for name in sorted({n for t in route.triplets if t for n in t}):
             x, y = (float(v) for v in view.to_pixel(positions[name]))
             draw.ellipse([x - 8, y - 8, x + 8, y + 8], outline=(*route.color, 255), width=3)
@@ -208,12 +262,46 @@ def _paint_key(draw: ImageDraw.ImageDraw, top: int, routes: list[_Drawn], enlarg
         draw.line([(14, y), (52, y)], fill=route.color, width=4)
         text = f"{route.name}: {_figures(route.figures)}"
         canvas.write(draw, (62, y), text, size=14)
+    canvas.write(draw, (14, top + 60), _note(routes, enlargement, "blue"), size=12, fill=_GREY)
+
+
+def _paint_table(draw: ImageDraw.ImageDraw, top: int, routes: list[_Drawn], enlargement: int) -> None:
+    """One line for each route."""
+    of_front = any(route.figures.get("front") for route in routes)
+    columns = [62, 160, 260, 370, 490, 620, 720]
+    heads = ("route", "length", "duration", "mean r95", "worst r95", "no fix")
+    for x, head in zip(columns, (*heads, "" if of_front else "shared"), strict=True):
+        canvas.write(draw, (x, top + 8), head, size=13, fill=_GREY)
+    for k, route in enumerate(reversed(routes), 1):
+        y = top + 8 + _ROW * k
+        draw.line([(14, y), (52, y)], fill=route.color, width=4)
+        for x, text in zip(columns, _cells(route), strict=True):
+            canvas.write(draw, (x, y), text, size=14)
+    y = top + 14 + _ROW * (len(routes) + 1)
+    canvas.write(draw, (14, y), _note(routes, enlargement, "first"), size=12, fill=_GREY)
+
+
+def _cells(route: _Drawn) -> list[str]:
+    figures = route.figures
+    u, share = figures["uncertainty"], figures.get("share")
+    return [
+        route.name,
+        f"{figures['length_m']:.2f} m",
+        f"{figures['duration_s']:.1f} s",
+        "–" if u["mean_r95_m"] is None else f"{u['mean_r95_m']:.4f} m",
+        "–" if u["max_r95_m"] is None else f"{u['max_r95_m']:.4f} m",
+        f"{u['blind_m']:.1f} m",
+        "" if share is None or route.is_main else f"{100 * share:.0f} %",
+    ]
+
+
+def _note(routes: list[_Drawn], enlargement: int, which: str) -> str:
     note = (
         f"95 % ellipses drawn {enlargement} times as large" if enlargement > 1 else "95 % ellipses to scale"
     )
     if any(t for route in routes for t in route.triplets):
-        note += "; thin lines: the triplet used there; ringed dots: landmarks used on the blue route"
-    canvas.write(draw, (14, top + 60), note, size=12, fill=(90, 96, 104))
+        note += f"; thin lines: the triplet used there; ringed dots: landmarks used on the {which} route"
+    return note
 
 
 def _figures(route: dict[str, Any]) -> str:
