@@ -169,7 +169,7 @@ def triplet_status(
     world: World,
     sensor: Sensor,
     point: npt.ArrayLike,
-    triplet: tuple[int, int, int],
+    triplet: Sequence[int],
     *,
     heading: float = 0.0,
 ) -> TripletStatus:
@@ -181,14 +181,14 @@ def triplet_status(
         If a landmark's measurement cannot even be spoken of: the point or heading is not finite, or the
         indices are not three different ones of the world's landmarks.
     """
-    triplet = checked_triplet(world, triplet)
+    indices = checked_triplet(world, triplet)
     rank_triplets(world, sensor, point, heading=heading, count=1)  # refuses what is not a place
     place = np.asarray(point, dtype=np.float64)
     at = place + sensor.mount.offset(heading)
     turned = float(wrap(heading))
-    if _is_out(triplet, landmark_statuses(world, sensor, at, turned)):
+    if _is_out(indices, landmark_statuses(world, sensor, at, turned)):
         return TripletStatus.NOT_VISIBLE
-    arrays = _arrays(world, sensor, at, turned, np.array(sorted(triplet), dtype=np.int64))
+    arrays = _arrays(world, sensor, at, turned, np.array(sorted(indices), dtype=np.int64))
     return _OUTCOMES[int(outcome(0, 1, 2, *arrays, kernel_args(sensor, turned)))]
 
 
@@ -216,7 +216,7 @@ def one_triplet(
     world: World,
     sensor: Sensor,
     point: npt.ArrayLike,
-    triplet: tuple[int, int, int],
+    triplet: Sequence[int],
     *,
     heading: float = 0.0,
 ) -> TripletChoice | None:
@@ -274,7 +274,7 @@ def _can_turn_to(sensor: Sensor, bearing: float) -> bool:
     return abs(float(wrap(bearing - middle))) <= reach + half
 
 
-def _is_out(triplet: tuple[int, int, int], landmarks: tuple[LandmarkStatus, ...]) -> bool:
+def _is_out(triplet: Sequence[int], landmarks: tuple[LandmarkStatus, ...]) -> bool:
     return any(landmarks[i] is not LandmarkStatus.MEASURABLE for i in triplet)
 
 

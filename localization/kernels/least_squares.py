@@ -175,3 +175,20 @@ def refine(bearings, landmarks, weights, steps, pose, covariance):
             covariance[i, j] = mean
             covariance[j, i] = mean
     return CONVERGED, tried, best
+
+
+@njit(cache=True, nogil=True)
+def refine_many(bearings, landmarks, weights, steps, started, poses, outcome, cost):
+    """Least-squares poses (n, 3) of bearings (n, M) to the same landmarks (M, 2) with weights (M,).
+
+    Where ``started`` (n,) ``poses`` holds the start and gets the result; ``outcome`` and ``cost`` (n,) are as
+    of ``refine``, ``SINGULAR`` and inf where there is no start.
+    """
+    covariance = np.empty((3, 3))
+    for i in range(bearings.shape[0]):
+        outcome[i] = SINGULAR
+        cost[i] = np.inf
+        if started[i]:
+            result, _, value = refine(bearings[i], landmarks, weights, steps, poses[i], covariance)
+            outcome[i] = result
+            cost[i] = value
