@@ -11,9 +11,11 @@ from pathlib import Path
 import numpy as np
 from numba import njit
 
+from localization.covariance import CHI2_95
 from localization.field_builder import build_field
 from localization.kernels.coverage import NOMINAL_SHARE, VALID_TOLERANCE
 from localization.kernels.share import triplet_share
+from localization.method import FieldMethod
 from localization.sensors import FORWARD_CAMERA, LASER, MAS97_CAMERA, Mount, kernel_args
 from localization.simulation import simulate_fixes
 from localization.validity import MAX_DEVIATION, coverage_study
@@ -73,6 +75,8 @@ give no fix at all). "Semi-major axis" is the median of the predicted 95 % ellip
 
 {invalid_summary}
 
+{together}
+
 ## Cost
 
 Time of one predicted share, over all cells with a fix of each field, processor time of one thread; depends on the machine.
@@ -88,6 +92,83 @@ Time of one predicted share, over all cells with a fix of each field, processor 
 - It is the share of the *chosen* triplet under Gaussian noise. Outliers and biases of real sensors are another matter:
   [validation](validation.md).
 """
+
+
+TOGETHER = """## All landmarks in view
+
+Fields of all landmarks in view (`--estimator all_visible`) carry no `validity`. Their ellipses, checked by simulation: {cells} cells with
+a fix of each field, drawn at random, {n} least-squares fixes per cell (`simulate_fixes(..., estimator="all_visible")`), of which
+chance alone makes the share vary by {chance:.2f} %. "True area" as above; "no fix": measurements from which least squares reach
+no pose. Made anew alone by `python -m tests.validity_study --together --write`.
+
+{rows}
+
+{summary}
+"""
+
+
+def together(cells, n, resolution, seed):
+    """How true the ellipses of all landmarks in view are, as a section."""
+    rows, everything = [], []
+    for number, site in enumerate(bundled_site_names()):
+        for index, (name, sensor, sigma) in enumerate(SENSORS):
+            world = surveyed(bundled_site(site), sigma)
+            rng = np.random.default_rng([seed, 2, number, index])
+            field = build_field(world, sensor, resolution=resolution, method=FieldMethod("all_visible"))
+            points = field.frame.centres()[field.has_fix]
+            shares, factors, failed, counts = [], [], [], []
+            for k in rng.choice(len(points), min(cells, len(points)), replace=False):
+                cloud = simulate_fixes(world, sensor, points[k], estimator="all_visible", n=n, rng=rng)
+                shares.append(cloud.share_inside)
+                factors.append(area_factor(cloud))
+                failed.append(cloud.failures / n)
+                counts.append(len(cloud.triplet))
+            shares = np.array(shares)
+            near = np.mean(np.abs(shares - NOMINAL_SHARE) <= MAX_DEVIATION)
+            everything.append((shares, np.array(counts)))
+            rows.append(
+                [
+                    site, name, f"{np.median(counts):g}", percent(shares.min(), *np.quantile(shares, [0.05, 0.5, 0.95])),
+                    f"{100 * near:.1f}", " / ".join(factor(np.quantile(factors, q, method="lower")) for q in (0.5, 0.95)),
+                    percent(np.mean(failed), max(failed)),
+                ]
+            )  # fmt: skip
+            print(" ".join(rows[-1]), flush=True)
+    shares, counts = (np.concatenate(v) for v in zip(*everything, strict=True))
+    ok = np.abs(shares - NOMINAL_SHARE) <= MAX_DEVIATION
+    groups = (
+        ("exactly three", counts == 3),
+        ("four or five", (counts == 4) | (counts == 5)),
+        ("six or more", counts >= 6),
+    )
+    said = [f"{name} landmarks {100 * ok[w].mean():.1f} % of {w.sum()}" for name, w in groups if w.any()]
+    return TOGETHER.format(
+        cells=cells, n=f"{n:,}".replace(",", " "), chance=100 * math.sqrt(0.95 * 0.05 / n),
+        rows=table(
+            ["site", "sensor", "landmarks, median", "simulated share, least / 5 % / median / 95 %, %",
+             "within 95 ± 2 %, %", "true area, median / 95 %", "no fix, mean / most, %"],
+            rows,
+        ),
+        summary=(
+            f"Within 95 ± 2 % lie {100 * ok.mean():.1f} % of these {len(ok)} cells; with " + ", with ".join(said) + "."
+        ),
+    ).strip()  # fmt: skip
+
+
+def area_factor(cloud):
+    """Area of the ellipse of the predicted shape that holds 95 % of the measurements, over the predicted one."""
+    e = cloud.errors[:, :2]
+    d2 = np.full(len(cloud.fixes), np.inf)
+    d2[cloud.fixes.ok] = np.einsum("ni,ij,nj->n", e, np.linalg.inv(cloud.predicted[:2, :2]), e)
+    return float(np.quantile(d2, 0.95, method="higher")) / CHI2_95
+
+
+def rewrite_together(text):
+    """Put a new section into the document as it is."""
+    old = DOCUMENT.read_text()
+    begin = old.find("## All landmarks in view")
+    end = old.index("## Cost")
+    DOCUMENT.write_text(old[: end if begin < 0 else begin] + text + "\n\n" + old[end:])
 
 
 @njit
@@ -175,7 +256,17 @@ def main() -> int:
     parser.add_argument("--resolution", type=float, default=0.1, help="m")
     parser.add_argument("--seed", type=int, default=20)
     parser.add_argument("--write", action="store_true", help="write docs/validity.md")
+    parser.add_argument(
+        "--together", action="store_true", help="the section about all landmarks in view alone"
+    )
     options = parser.parse_args()
+    section = together(200, 2000, options.resolution, options.seed)
+    if options.together:
+        if options.write:
+            rewrite_together(section)
+        else:
+            print(section)
+        return 0
     valid_rows, invalid_rows, cost_rows, studies = [], [], [], []
     for number, site in enumerate(bundled_site_names()):
         for name, sensor, sigma in SENSORS:
@@ -252,6 +343,7 @@ def main() -> int:
         survey=close_to_landmarks(
             0.05, 300, options.fixes, options.resolution, np.random.default_rng([options.seed, 1])
         ),
+        together=section,
         cost=table(["site", "sensor", "valid cells, µs", "invalid cells, µs", "all, µs"], cost_rows),
     )  # fmt: skip
     if options.write:
