@@ -33,7 +33,7 @@ def _row(name):
     for graph in (it.graph, it.length):
         context.prepare(graph)
     context.background.add = lambda *_: None  # nothing else runs while plans are timed
-    cold, wall, route_only, cached, over_grid, over_best = [], [], [], [], [], []
+    cold, wall, route_only, cached, over_grid, over_best, taut_over_best = ([] for _ in range(7))
     n_ok = n_smooth = n_ompl = 0
     for k, (start, goal) in enumerate(it.pairs):
         problem = PlanningProblem(
@@ -51,7 +51,9 @@ def _row(name):
         n_ompl += "ompl" in result.planner
         over_grid.append(result.route.summary.cost / result.grid_cost - 1)
         if k < BEST:
-            over_best.append(result.route.summary.cost / _best_known(it, problem, result) - 1)
+            best, taut = _best_known(it, problem, result)
+            over_best.append(result.route.summary.cost / best - 1)
+            taut_over_best.append(taut / best - 1)
         for graph in (it.graph, it.length):
             context.costs_to(graph, goal)
         began = time.thread_time()
@@ -68,20 +70,24 @@ def _row(name):
         "cold, wall [ms]": ms(wall),
         "until the route, wall": ms(route_only),
         "goal known [ms]": ms(cached),
-        "cost − grid p50, largest": f"{100 * np.median(over_grid):.1f} %, {100 * max(over_grid):.1f} %",
-        "cost − best known p50, p95, largest": ", ".join(
-            f"{100 * v:.2f} %" for v in np.percentile(over_best, [50, 95, 100])
-        ),
+        "cost − grid p50, largest": _shares(over_grid),
+        "any-angle − best known p50, largest": _shares(taut_over_best),
+        "trajectory − best known p50, largest": _shares(over_best),
         "improved by OMPL": n_ompl,
         "smooth": n_smooth,
     }
 
 
+def _shares(values):
+    return f"{100 * np.median(values):.2f} %, {100 * max(values):.2f} %"
+
+
 def _best_known(it, problem, result):
-    """Cost of the best polyline that long sampling finds, or of the route."""
+    """Cost of the best polyline that long sampling finds, or of the route; and of the pulled string."""
     space = it.graph.cost_space
     points = it.context.path(it.graph, problem.start, problem.goal).points
     best, cost = shorten(points, space)
+    taut = cost
     for _ in range(2):
         cells = it.context.informed_cells(
             it.graph, problem.start, problem.goal, max(cost * sampling.OCTILE_EXCESS, result.grid_cost)
@@ -97,4 +103,4 @@ def _best_known(it, problem, result):
             seed=9,
         )
         best, cost = shorten(best, space)
-    return min(cost, result.route.summary.cost)
+    return min(cost, result.route.summary.cost), taut
