@@ -257,6 +257,7 @@ class Motion(Answer):
     vy_m_s: float
     ax_m_s2: float
     ay_m_s2: float
+    theta_rad: float | None = Field(description="Heading of the robot; null where it plays no part.")
 
 
 class Baseline(Answer):

@@ -73,6 +73,31 @@ def plan(
     schedule: Annotated[
         bool, typer.Option("--schedule", help="Say for every stretch which landmarks to look at, and where.")
     ] = False,
+    kinematics: Annotated[
+        str, typer.Option(help="holonomic, differential (turns in place), dubins or reeds_shepp.")
+    ] = "holonomic",
+    min_turn_radius: Annotated[
+        float, typer.Option("--min-turn-radius", metavar="R", help="Of arcs, m; for dubins and reeds_shepp.")
+    ] = 0.0,
+    start_heading_deg: Annotated[
+        float | None, typer.Option("--start-heading-deg", metavar="DEG", help="Default: any.")
+    ] = None,
+    goal_heading_deg: Annotated[
+        float | None, typer.Option("--goal-heading-deg", metavar="DEG", help="Default: any.")
+    ] = None,
+    footprint: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X,Y X,Y …",
+            help="Corners of the outline, m: x ahead, y to the left; for --radius.",
+        ),
+    ] = None,
+    max_turn_rate: Annotated[
+        float, typer.Option("--max-turn-rate", metavar="W", help="rad/s; where headings matter.")
+    ] = 1.0,
+    max_turn_accel: Annotated[
+        float | None, typer.Option("--max-turn-accel", metavar="A", help="rad/s². Default: no limit.")
+    ] = None,
     pan_rate_deg: Annotated[
         float | None,
         typer.Option("--pan-rate-deg", metavar="W", help="Of a pan head, °/s. Default: it turns at once."),
@@ -113,7 +138,7 @@ def plan(
 ) -> None:
     """Plan a path through a field: the one on which the robot knows where it is.
 
-    A field over headings counts with the worst heading of every cell.
+    On a field over headings the robot faces its way, and the cost is that of its heading.
 
     Exit code 3 when no path keeps the bound (the best effort is written all the same).
     """
@@ -139,6 +164,13 @@ def plan(
         max_collision_probability=max_collision_probability,
         max_blind_distance=max_blind_distance,
         covariance=covariance,  # type: ignore[arg-type]  # checked by the problem itself
+        kinematics=kinematics,  # type: ignore[arg-type]  # checked by the problem itself
+        min_turn_radius=min_turn_radius,
+        start_heading=None if start_heading_deg is None else math.radians(start_heading_deg),
+        goal_heading=None if goal_heading_deg is None else math.radians(goal_heading_deg),
+        footprint=None if footprint is None else tuple(_place(text) for text in footprint.split()),
+        turn_rate=max_turn_rate,
+        max_turn_accel=math.inf if max_turn_accel is None else max_turn_accel,
         via=tuple(_place(text) for text in via or ()),
         avoid=tuple(polygon for polygon, _ in read_areas(avoid)),
         areas=tuple((polygon, factor) for polygon, factor in read_areas(areas)),
@@ -150,17 +182,14 @@ def plan(
     )
     found = read_field(field_path)
     if isinstance(found, HeadingField):
-        loaded = found.reduced("worst")
-        print_note(
-            f"the field is over {len(found)} headings; the plan counts on the worst of them in every cell, "
-            "and a heading without a fix is the worst."
-        )
+        loaded = found.reduced("best")
+        print_note(f"the field is over {len(found)} headings: the robot faces the way that it drives.")
     else:
         loaded = found
     with err.status("preparing …"):
         warm_up(more)  # compiling is not planning: the deadline starts afterwards
-        context = PlanningContext(loaded)
-    answer = plan_to_json(find(problem, context, more), loaded, problem=problem, more=more)
+        context = PlanningContext(found)
+    answer = plan_to_json(find(problem, context, more), found, problem=problem, more=more)
     to_stdout = output is not None and str(output) == "-"
     if output is not None:
         text = json.dumps(answer, indent=1, allow_nan=False) + "\n"

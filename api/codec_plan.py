@@ -17,6 +17,7 @@ from shapely import Polygon
 from api.codec_schedule import schedule_to_json
 from api.questions import NOTHING_MORE, Found, FrontPlace, ListedRoute, More
 from localization import covariance as cov
+from localization.heading_field import HeadingField
 from localization.uncertainty_field import UncertaintyField
 from maps.arrays import FloatArray, IntArray
 from planner.problem import PlanningProblem
@@ -40,14 +41,14 @@ class FieldLabel:
     landmarks: tuple[str, ...]
 
     @classmethod
-    def of(cls, field: UncertaintyField) -> FieldLabel:
+    def of(cls, field: UncertaintyField | HeadingField) -> FieldLabel:
         """The label of a field."""
         return cls("m_" + field.world.content_hash(), "f_" + field.content_hash(), field.world.landmarks.ids)
 
 
 def plan_to_json(
     result: PlanResult | Found,
-    field: UncertaintyField | FieldLabel,
+    field: UncertaintyField | HeadingField | FieldLabel,
     *,
     problem: PlanningProblem,
     more: More = NOTHING_MORE,
@@ -111,11 +112,18 @@ def problem_to_json(problem: PlanningProblem, more: More = NOTHING_MORE) -> dict
         "start": {
             "x_m": problem.start[0],
             "y_m": problem.start[1],
+            "theta_rad": problem.start_heading,
             "covariance": None if problem.start_covariance is None else list(problem.start_covariance),
         },
-        "goal": {"x_m": problem.goal[0], "y_m": problem.goal[1]},
+        "goal": {"x_m": problem.goal[0], "y_m": problem.goal[1], "theta_rad": problem.goal_heading},
         "robot": {
             "radius_m": problem.radius,
+            "footprint": None
+            if problem.footprint is None
+            else [{"x_m": x, "y_m": y} for x, y in problem.footprint],
+            "kinematics": problem.kinematics,
+            "min_turn_radius_m": problem.min_turn_radius,
+            "max_turn_accel_rad_s2": number(problem.max_turn_accel),
             "max_speed_m_s": problem.max_speed,
             "max_accel_m_s2": problem.max_accel,
             "max_turn_rate_rad_s": problem.turn_rate,
@@ -276,12 +284,18 @@ def _times_at(s: FloatArray, trajectory: Trajectory) -> FloatArray:
     return np.asarray(np.interp(s / s[-1], along / along[-1], trajectory.t))
 
 
-def _trajectory(trajectory: Trajectory) -> list[dict[str, float]]:
+def _trajectory(trajectory: Trajectory) -> list[dict[str, float | None]]:
     rows = _rounded(
         np.column_stack([trajectory.t, trajectory.points, trajectory.velocity, trajectory.acceleration])
     ).tolist()
+    headings: list[float | None] = [None] * len(rows)
+    if trajectory.heading is not None:
+        headings = numbers(_rounded(trajectory.heading))
     keys = ("t_s", "x_m", "y_m", "vx_m_s", "vy_m_s", "ax_m_s2", "ay_m_s2")
-    return [dict(zip(keys, row, strict=True)) for row in rows]
+    return [
+        {**dict(zip(keys, row, strict=True)), "theta_rad": heading}
+        for row, heading in zip(rows, headings, strict=True)
+    ]
 
 
 def _unmet(item: Unmet) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from api.schemas_parts import (
     ObjectiveIn,
     PlaceIn,
     PolygonIn,
+    PoseIn,
     RobotIn,
     StartIn,
 )
@@ -96,7 +97,7 @@ class PlanIn(Request):
     field: FieldId | None = None
     map: MapId | None = None
     start: StartIn
-    goal: PlaceIn
+    goal: PoseIn
     robot: RobotIn
     objective: ObjectiveIn = ObjectiveIn()
     constraints: ConstraintsIn = ConstraintsIn()
@@ -177,6 +178,12 @@ class PlanIn(Request):
             fix_rate=self.robot.fix_rate_hz,
             turn_rate=self.robot.max_turn_rate_rad_s,
             start_covariance=self.start.as_tuple(),
+            kinematics=self.robot.kinematics,
+            min_turn_radius=self.robot.min_turn_radius_m,
+            max_turn_accel=self.robot.max_turn_accel_rad_s2 or math.inf,
+            start_heading=self.start.heading,
+            goal_heading=self.goal.heading,
+            footprint=self.robot.corners,
             via=tuple((place.x_m, place.y_m) for place in self.via),
             avoid=tuple(area.to_polygon() for area in self.avoid),
             areas=tuple((area.polygon.to_polygon(), area.factor) for area in self.areas),

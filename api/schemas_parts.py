@@ -21,7 +21,25 @@ class PlaceIn(Request):
     y_m: Finite = Field(examples=[4.0])
 
 
-class StartIn(PlaceIn):
+class PoseIn(PlaceIn):
+    """A place, and the robot's heading there if it matters."""
+
+    theta_rad: Finite | None = Field(default=None, description="Heading, rad; null: any.")
+    theta_deg: Finite | None = Field(default=None, description="The same in degrees; give at most one.")
+
+    @model_validator(mode="after")
+    def _check_angle(self) -> Self:
+        if self.theta_deg is not None and self.theta_rad is not None:
+            raise ValueError("give theta_rad or theta_deg, not both")
+        return self
+
+    @property
+    def heading(self) -> float | None:
+        """rad; None: any."""
+        return self.theta_rad if self.theta_deg is None else math.radians(self.theta_deg)
+
+
+class StartIn(PoseIn):
     """Where the robot is, and for ``fused`` how well it knows that."""
 
     covariance: Annotated[list[Finite], Field(min_length=6, max_length=6)] | None = Field(
@@ -56,13 +74,30 @@ PanRate = Annotated[float, Field(allow_inf_nan=False, ge=1e-6, le=1e6)]
 
 
 class RobotIn(Request):
-    """A disc that can drive in every direction."""
+    """A disc or an outline, and how it moves."""
 
-    radius_m: NotNegative = Field(description="Radius of the disc, m.", examples=[0.35])
+    radius_m: NotNegative = Field(
+        default=0.0,
+        description="Radius of the disc, m; without effect where there is a footprint.",
+        examples=[0.35],
+    )
+    footprint: Annotated[list[PlaceIn], Field(min_length=3, max_length=100)] | None = Field(
+        default=None, description="Corners of the outline in the robot's frame, m: x ahead, y to the left."
+    )
+    kinematics: Literal["holonomic", "differential", "dubins", "reeds_shepp"] = Field(
+        default="holonomic",
+        description="differential turns in place; dubins drives forwards on arcs, reeds_shepp backwards too.",
+    )
+    min_turn_radius_m: NotNegative = Field(
+        default=0.0, description="Of arcs, m; needed by dubins, reeds_shepp."
+    )
+    max_turn_accel_rad_s2: Positive | None = Field(
+        default=None, description="Change of the turn rate, rad/s²; null: no limit."
+    )
     max_speed_m_s: Finite = Field(default=1.2, ge=0.001, le=50, description="Largest speed, m/s.")
     max_accel_m_s2: Finite = Field(default=0.8, ge=0.001, le=50, description="Largest acceleration, m/s².")
     max_turn_rate_rad_s: Finite = Field(
-        default=1.0, ge=0.001, le=100, description="Of turns on the spot, rad/s; for fused."
+        default=1.0, ge=0.001, le=100, description="Largest turn rate, rad/s; for headings and fused."
     )
     fix_rate_hz: Finite = Field(default=10.0, ge=0.001, le=1e4, description="Fixes per second; for fused.")
     odometry: OdometryIn = OdometryIn()
@@ -73,9 +108,16 @@ class RobotIn(Request):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
+        if self.footprint is None and "radius_m" not in self.model_fields_set:
+            raise ValueError("give radius_m or footprint")
         if self.pan_rate_deg_s is not None and self.pan_rate_rad_s is not None:
             raise ValueError("give pan_rate_deg_s or pan_rate_rad_s, not both")
         return self
+
+    @property
+    def corners(self) -> tuple[tuple[float, float], ...] | None:
+        """Of the footprint."""
+        return None if self.footprint is None else tuple((c.x_m, c.y_m) for c in self.footprint)
 
     @property
     def pan_rate(self) -> float:

@@ -96,12 +96,13 @@ class PoseTrajectory:
         return float(self.t[-1])
 
     def to_trajectory(self) -> Trajectory:
-        """The motion of the robot's centre alone."""
+        """The motion of the robot's centre, and its heading."""
         along = np.column_stack([np.cos(self.poses[:, 2]), np.sin(self.poses[:, 2])])
         across = np.column_stack([-along[:, 1], along[:, 0]])
         velocity = self.speed[:, None] * along
         turning = (self.speed * self.turn_rate)[:, None] * across
-        return Trajectory(self.t, self.poses[:, :2], velocity, self.acceleration[:, None] * along + turning)
+        acceleration = self.acceleration[:, None] * along + turning
+        return Trajectory(self.t, self.poses[:, :2], velocity, acceleration, self.poses[:, 2])
 
 
 def time_poses(curve: PoseCurve, limits: MotionLimits, *, ramps: FloatArray | None = None) -> PoseTrajectory:

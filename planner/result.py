@@ -84,16 +84,21 @@ class Trajectory:
         Shape (K, 2): m/s.
     acceleration
         Shape (K, 2): m/s².
+    heading
+        Shape (K,): of the robot, rad in [-π, π); None where it plays no part.
     """
 
     t: FloatArray
     points: FloatArray
     velocity: FloatArray
     acceleration: FloatArray
+    heading: FloatArray | None = None
 
     def __post_init__(self) -> None:
         for name in ("t", "points", "velocity", "acceleration"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
+        if self.heading is not None:
+            object.__setattr__(self, "heading", frozen(self.heading))
 
     @property
     def duration(self) -> float:

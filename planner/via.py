@@ -161,12 +161,15 @@ def _joined(
 
 def _joined_trajectory(legs: list[Trajectory]) -> tuple[Trajectory, tuple[int, ...]]:
     """Trajectories one after the other, and the samples at which one ends and the next begins."""
-    parts: dict[str, list[FloatArray]] = {name: [] for name in ("t", "points", "velocity", "acceleration")}
+    names = ["points", "velocity", "acceleration"]
+    if all(leg.heading is not None for leg in legs):
+        names.append("heading")
+    parts: dict[str, list[FloatArray]] = {name: [] for name in ("t", *names)}
     offset, count, stops = 0.0, 0, []
     for k, leg in enumerate(legs):
         first = 0 if k == 0 else 1
         parts["t"].append(leg.t[first:] + offset)
-        for name in ("points", "velocity", "acceleration"):
+        for name in names:
             parts[name].append(getattr(leg, name)[first:])
         offset += leg.duration
         count += len(leg.t) - first

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -223,3 +224,26 @@ def test_the_console_command_is_installed():
     done = subprocess.run([command, "world", "--help"], capture_output=True, text=True, check=False)
     assert done.returncode == 0
     assert "check" in done.stdout
+
+
+def test_plans_of_robots_with_a_heading(field, capsys):
+    base = ("plan", field, "--start", 2, 2, "--goal", 8, 6, "--deadline", 20, "-o", "-")
+    car = ("--kinematics", "reeds_shepp", "--min-turn-radius", 0.6, "--radius", 0.2)
+    capsys.readouterr()
+    assert run(*base, *car, "--start-heading-deg", 90, "--goal-heading-deg", 0) == 0
+    answer = json.loads(capsys.readouterr().out)
+    robot = answer["request"]["robot"]
+    assert (robot["kinematics"], robot["min_turn_radius_m"]) == ("reeds_shepp", 0.6)
+    path = answer["routes"][0]["path"]
+    assert path[0]["theta_rad"] == pytest.approx(math.pi / 2, abs=1e-6)
+    assert path[-1]["theta_rad"] == pytest.approx(0.0, abs=1e-6)
+    assert answer["routes"][0]["trajectory"][0]["theta_rad"] == pytest.approx(math.pi / 2, abs=1e-6)
+    outline = "-0.3,-0.2 0.5,-0.2 0.5,0.2 -0.3,0.2"
+    assert run(*base, "--kinematics", "differential", "--footprint", outline) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert len(answer["request"]["robot"]["footprint"]) == 4
+    assert answer["routes"][0]["min_clearance_m"] > -0.05
+    assert run(*base, "--footprint", "0,0 1,1") == 1
+    assert "3 to 100 corners" in " ".join(capsys.readouterr().err.split())
+    assert run(*base, "--kinematics", "dubins") == 1
+    assert "needs a positive one" in " ".join(capsys.readouterr().err.split())

@@ -174,7 +174,7 @@ def test_headings_that_are_none_are_refused(turning, heading, folder, capsys):
     assert not (folder / "no.png").exists()
 
 
-def test_a_plan_counts_on_the_worst_heading(folder, capsys):
+def test_a_plan_drives_by_the_heading_of_travel(folder, capsys):
     sensor = {**CAMERA, "fov_deg": 175}
     (folder / "wide.json").write_text(json.dumps(sensor))
     path = folder / "wide.zarr"
@@ -199,13 +199,15 @@ def test_a_plan_counts_on_the_worst_heading(folder, capsys):
     )
     assert run("plan", path, *plan) == 0
     said = capsys.readouterr()
-    assert "over 4 headings; the plan counts on the worst of them" in " ".join(said.err.split())
+    assert "over 4 headings: the robot faces the way" in " ".join(said.err.split())
     answer = json.loads(said.out)
-    worst = load_field(path).reduced("worst")
-    assert answer["field"] == "f_" + worst.content_hash()
-    planned = answer["routes"][0]["uncertainty"]
-    trusted = worst.trusted()
-    if planned["max_r95_m"] is not None:
-        assert np.nanmin(trusted.r95) <= planned["max_r95_m"] <= np.nanmax(trusted.r95) * (1 + 1e-9)
+    field = load_field(path)
+    assert answer["field"] == "f_" + field.content_hash()
+    assert answer["planner"].startswith("lattice")
+    for place in answer["routes"][0]["path"]:
+        one = field.at(place["theta_rad"]).trusted()
+        row, col = one.frame.cell_at((place["x_m"], place["y_m"]))
+        if place["r95_m"] is not None:
+            assert place["r95_m"] == pytest.approx(one.r95[row, col], rel=1e-6, abs=1e-8)
     with Image.open(io.BytesIO((folder / "p.png").read_bytes())) as image:
         assert image.width > 500

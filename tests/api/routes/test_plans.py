@@ -89,3 +89,14 @@ def test_wrong_questions(gallery, change, status, code):
 def test_unknown_plans(client):
     problem_of(client.get("/v1/plans/p_1"), 404, "not_found")
     problem_of(client.get("/v1/plans/p_1/picture.png"), 404, "not_found")
+
+
+def test_wrong_robots(gallery):
+    for robot in ({}, {"radius_m": 0.2, "kinematics": "tank"}, {"radius_m": 0.2, "kinematics": "dubins"}):
+        problem_of(
+            gallery.client.post("/v1/plans", json={**PLAN, "field": gallery.id, "robot": robot}),
+            422,
+            "invalid_request",
+        )
+    both = {**PLAN, "field": gallery.id, "goal": {**PLAN["goal"], "theta_rad": 1.0, "theta_deg": 3.0}}
+    problem_of(gallery.client.post("/v1/plans", json=both), 422, "invalid_request")
