@@ -18,7 +18,7 @@ from api.dependencies import Service
 from api.errors import Problem
 from api.jobs import JobRunner
 from api.middleware import Outermost
-from api.routes import fields, health, heatmaps, jobs, maps, plans
+from api.routes import fields, health, heatmaps, jobs, many, maps, plans
 from api.settings import Settings
 from api.store import Store
 from api.workers import WorkerPool
@@ -65,7 +65,19 @@ def create_app(settings: Settings, *, pool: WorkerPool | None = None) -> FastAPI
         lifespan=lifespan,
         redirect_slashes=False,
     )
-    for module in (maps, fields, heatmaps, plans, jobs, health, openapi, docs_page, landing_page, page_parts):
+    for module in (
+        maps,
+        fields,
+        heatmaps,
+        plans,
+        many,
+        jobs,
+        health,
+        openapi,
+        docs_page,
+        landing_page,
+        page_parts,
+    ):
         app.include_router(module.router)
     app.openapi = lambda: openapi.document(app)  # type: ignore[method-assign]
     for kind in (SurepathError, RequestValidationError, HTTPException):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,8 +14,10 @@ from localization.consistency import Coverage
 from localization.covariance import ellipse95
 from maps.arrays import FloatArray
 from planner.result import Trajectory
-from planner.simulation import SimulatedRobot
-from planner.simulation_report import SimulationReport, Stations
+
+if TYPE_CHECKING:
+    from planner.simulation import SimulatedRobot
+    from planner.simulation_report import SimulationReport, Stations
 
 _KEYS = ("t_s", "x_m", "y_m", "vx_m_s", "vy_m_s", "ax_m_s2", "ay_m_s2")
 

@@ -30,6 +30,8 @@ class LimitExceeded(SurepathError):
         What is allowed and what was asked for.
     setting
         Environment variable that sets the limit.
+    place
+        ``#/…``: the part of the body that is too large.
     """
 
     def __init__(
@@ -39,11 +41,13 @@ class LimitExceeded(SurepathError):
         limit: int | None = None,
         requested: int | None = None,
         setting: str | None = None,
+        place: str | None = None,
     ) -> None:
         super().__init__(message)
         self.limit = limit
         self.requested = requested
         self.setting = setting
+        self.place = place
 
 
 def _cores() -> int:
@@ -116,6 +120,8 @@ class Settings(BaseSettings):
     )
     max_parse_s: _Seconds = Field(30.0, description="Time for decoding an upload, s.")
     max_deadline_s: _Seconds = Field(30.0, le=30.0, description="Longest deadline of a plan, s.")
+    max_matrix_pairs: _Count = Field(2_500, le=250_000, description="Sources times targets of a matrix.")
+    max_simulation_runs: _Count = Field(1_000, le=100_000, description="Runs of a simulation.")
     default_deadline_s: _Seconds = Field(2.0, ge=0.05, description="Deadline of a plan that names none, s.")
     cache_bytes: _Count = Field(
         _GIB,

@@ -29,6 +29,10 @@ class TimedOut(WorkerError):
     """A task was not done in time; its worker is still at it."""
 
 
+class DeadlineExceeded(WorkerError):
+    """A question had no answer at its deadline, not even a part of one."""
+
+
 class TaskCrashed(RuntimeError):
     """A bug showed itself in a task; the message is the worker's traceback."""
 

@@ -4,18 +4,31 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from api.codec_many import matrix_answer, region_answer, simulation_answer
 from api.codec_plan import FieldLabel, plan_to_json
 from api.finding import find
 from api.questions import More
 from api.store_files import read_field
 from api.worker_main import Channel
-from api.worker_orders import Loaded
+from api.worker_orders import Loaded, MatrixOrder, RegionOrder, SimulationOrder
+from planner.clock import Clock
 from planner.context import PlanningContext
+from planner.errors import InvalidProblem
+from planner.example_context import example_context
+from planner.matrix import cost_matrix
+from planner.matrix import warm_up as warm_up_matrix
 from planner.problem import MIN_DEADLINE_S, PlanningProblem
+from planner.reachability import reachable_region
+from planner.simulation import SimulatedRobot
+from planner.simulation import simulate as run_simulation
+from planner.timing import time_polyline
+from planner.travel import Travel
 
 _FIELDS = "fields"
 _ENCODING_S = 0.15
@@ -89,4 +102,106 @@ def _left(ends_at: float) -> float:
     return max(MIN_DEADLINE_S, left - min(_ENCODING_S, 0.1 * left))
 
 
-TASKS: dict[str, Callable[..., Any]] = {"load": load, "plan": plan}
+def matrix(channel: Channel, path: Path, order: MatrixOrder, ends_at: float) -> dict[str, Any]:
+    """Figures between many places; the answer of ``POST /v1/matrix``.
+
+    Raises
+    ------
+    InvalidProblem
+        If there are too many places.
+    """
+    ready: _Ready = channel.memory[_FIELDS][path.name]
+    found = cost_matrix(
+        ready.context,
+        order.sources,
+        order.targets,
+        travel=_travel(order.problem),
+        deadline=min(order.deadline, _left(ends_at)),
+        workers=order.threads,
+    )
+    return matrix_answer(found, ready.label, order)
+
+
+def reach(channel: Channel, path: Path, order: RegionOrder, ends_at: float) -> dict[str, Any]:
+    """The area within reach of a place; the answer of ``POST /v1/reachability``.
+
+    Raises
+    ------
+    StartOutsideMap, StartOccupied
+        If the robot cannot stand there.
+    """
+    ready: _Ready = channel.memory[_FIELDS][path.name]
+    region = reachable_region(
+        ready.context,
+        order.place,
+        travel=_travel(order.problem),
+        measure=order.measure,
+        limit=order.limit,
+        deadline=min(order.deadline, _left(ends_at)),
+    )
+    return region_answer(region, ready.label, order)
+
+
+def _travel(problem: PlanningProblem) -> Travel:
+    names = (f.name for f in fields(Travel))
+    return Travel(**{name: getattr(problem, name) for name in names})
+
+
+def simulate(channel: Channel, path: Path, order: SimulationOrder, ends_at: float) -> dict[str, Any]:
+    """Closed-loop runs; the answer of ``POST /v1/simulations``.
+
+    Raises
+    ------
+    InvalidProblem, LocalizationError
+        If they cannot be driven as asked.
+    """
+    ready: _Ready = channel.memory[_FIELDS][path.name]
+    field = ready.context.field
+    inside = np.asarray(field.frame.contains(order.trajectory.points))
+    if not inside.all():
+        at = int(np.flatnonzero(~inside)[0])
+        x, y = order.trajectory.points[at].tolist()
+        raise InvalidProblem(f"Sample {at} of the trajectory is at ({x:g}, {y:g}) m, outside the map.")
+    robot = SimulatedRobot(**order.robot)
+    fits = not field.sensor.depends_on_heading and robot.policy == "best_triplet"
+    with Clock(min(order.deadline, _left(ends_at))).stop_flag() as stop:
+        report = run_simulation(
+            field.world,
+            field.sensor,
+            order.trajectory,
+            robot=robot,
+            runs=order.runs,
+            rng=np.random.default_rng(order.seed),
+            field=field if fits else None,
+            threads=order.threads,
+            stop=stop,
+        )
+    return simulation_answer(report, robot, ready.label, order)
+
+
+TASKS: dict[str, Callable[..., Any]] = {
+    "load": load,
+    "plan": plan,
+    "matrix": matrix,
+    "reach": reach,
+    "simulate": simulate,
+}
+
+
+def warm_up() -> None:
+    """Compile or load what questions about many places and simulations need, in a made-up room."""
+    warm_up_matrix()
+    context = example_context()
+    reachable_region(context, (1.0, 1.0), travel=Travel(0.2))
+    corners = np.array([[1.0, 1.0], [5.0, 1.0], [5.0, 5.0]])
+    trajectory = time_polyline(corners, max_speed=1.0, max_accel=1.0)
+    field = context.field
+    run_simulation(
+        field.world,
+        field.sensor,
+        trajectory,
+        robot=SimulatedRobot(0.2),
+        runs=2,
+        rng=np.random.default_rng(0),
+        field=field,
+    )

@@ -146,6 +146,6 @@ def _memory_limit(extra: int) -> Iterator[None]:
 
 #: Compiles, or loads from the cache, everything that a task will run.
 PROGRAM = Program(
-    (field_builder.warm_up, finding.warm_up),
+    (field_builder.warm_up, finding.warm_up, worker_questions.warm_up),
     {"build": build, "parse": parse, **worker_questions.TASKS},
 )

@@ -17,8 +17,8 @@ from api.codec_plan import FieldLabel, plan_to_json
 from api.questions import NOTHING_MORE, Found, More
 from api.settings import Settings
 from api.worker_crew import Overloaded, Turn, WorkerCrew
-from api.worker_orders import FieldOrder, Loaded, UploadLimits
-from api.worker_process import TaskCrashed, TimedOut, WorkerDied, WorkerError
+from api.worker_orders import TASK_OF, FieldOrder, Loaded, Order, UploadLimits
+from api.worker_process import DeadlineExceeded, TaskCrashed, TimedOut, WorkerDied, WorkerError
 from maps.errors import MapTooLarge, SurepathError
 from maps.world import World
 from planner.problem import PlanningProblem
@@ -140,6 +140,47 @@ class WorkerPool:
         result = dataclasses.replace(last.result, warnings=(*last.result.warnings, said))
         last = dataclasses.replace(last, result=result)
         return plan_to_json(last, label, problem=problem, more=more, client_ref=client_ref, warnings=warnings)
+
+    def ask(self, field_path: Path, order: Order) -> dict[str, Any]:
+        """Answer of a question about many places, or of a simulation, at most 0.5 s after its deadline.
+
+        Waiting for a worker and reading the field count. The worker answers by the deadline with what it has
+        then; one that is 0.25 s late is left alone, or killed if it does not end by itself soon.
+
+        Parameters
+        ----------
+        field_path
+            Folder of a ready field.
+        order
+            The question.
+
+        Raises
+        ------
+        PlannerError, LocalizationError
+            If the question is wrong.
+        FieldFormatError
+            If the field cannot be read.
+        Overloaded
+            If no worker got free, or the field could not be read, before the deadline.
+        DeadlineExceeded
+            If there was nothing to answer by the deadline.
+        WorkerDied
+            If the worker died before it had an answer.
+        """
+        ends_at = time.monotonic() + order.deadline
+        with self._crew.turn(ends_at, prefer=field_path.name) as turn:
+            self._load(turn, field_path, ends_at)
+            arguments = {"path": field_path, "order": order, "ends_at": ends_at}
+            try:
+                answer: dict[str, Any] = turn.worker.ask(
+                    TASK_OF[type(order)], arguments, ends_at=ends_at + HARD_AFTER_S
+                )
+            except TimedOut:
+                turn.detached = True
+                raise DeadlineExceeded(
+                    f"Nothing was ready within {order.deadline:g} s; ask for less, or give more time."
+                ) from None
+            return answer
 
     def _load(self, turn: Turn, path: Path, ends_at: float) -> FieldLabel:
         arguments = {"path": path, "keep_bytes": self._settings.cache_bytes}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -9,11 +10,14 @@ import numpy as np
 import pytest
 
 import api.app
+from api import worker_questions
 from api.codec import parse_json, plan_to_json
+from api.codec_plan import FieldLabel
 from api.finding import find
 from api.questions import NOTHING_MORE, Found
 from api.settings import Settings
 from api.store_files import write_field
+from api.worker_orders import TASK_OF
 from localization.method import BEST_AREA
 from maps.io.world_file import world_from_geojson
 from planner.context import PlanningContext
@@ -77,6 +81,13 @@ class InlinePool:
         return plan_to_json(
             found, field, problem=problem, more=more, client_ref=client_ref, warnings=warnings
         )
+
+    def ask(self, field_path, order):
+        context = PlanningContext(self.store.load_field(field_path.stem))
+        ready = SimpleNamespace(context=context, label=FieldLabel.of(context.field))
+        channel = SimpleNamespace(memory={"fields": {field_path.name: ready}})
+        task = worker_questions.TASKS[TASK_OF[type(order)]]
+        return task(channel, field_path, order, time.monotonic() + order.deadline)
 
 
 class IdleJobs:
