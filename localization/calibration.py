@@ -10,6 +10,7 @@ import numpy as np
 
 from localization.errors import CalibrationError
 from localization.logs import BearingLog, residuals
+from localization.numbers import is_number
 from localization.residual_bins import ResidualBin, ResidualBins
 from localization.robust import (
     GATE_SIGMAS,
@@ -211,8 +212,13 @@ def calibrate_bearings(
     Raises
     ------
     CalibrationError
-        If fewer than ``MIN_SIGHTINGS`` sightings are usable, or a landmark is touched.
+        If fewer than ``MIN_SIGHTINGS`` sightings are usable, a landmark is touched, or the number of draws or
+        the level is impossible.
     """
+    if not is_number(n_bootstrap) or n_bootstrap < 1:
+        raise CalibrationError(f"Number of bootstrap draws is {n_bootstrap!r}; it must be at least 1.")
+    if not is_number(level) or not 0 < level < 1:
+        raise CalibrationError(f"Level is {level!r}; give a probability between 0 and 1, like 0.95.")
     e, r = residuals(log)
     used = log.usable
     if int(np.sum(used)) < MIN_SIGHTINGS:

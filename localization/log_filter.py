@@ -14,6 +14,7 @@ from localization.errors import LocalizationError
 from localization.kernels import ekf as kernel
 from localization.logs import MAX_ODOMETRY_GAP_S, BearingLog, driven_between, unknown_between
 from localization.motion import OdometryModel
+from localization.numbers import as_numbers, is_number
 from localization.triangulation import PoseFix, locate
 from maps.arrays import BoolArray, FloatArray, IntArray, frozen
 
@@ -21,6 +22,8 @@ from maps.arrays import BoolArray, FloatArray, IntArray, frozen
 FULL_TURN_VARIANCE = math.pi**2 / 3.0
 #: With more uncertain headings bearings are no longer linear enough for the filter, rad.
 MAX_HEADING_SIGMA = 0.5
+#: Squares of smaller sigmas (rad) would leave the range of numbers.
+SMALLEST_SIGMA = 1e-12
 # A fix that the filter starts from again must agree with its scan at this level, where there is no gate.
 _FIX_LEVEL = 0.999
 
@@ -73,8 +76,10 @@ class Recovery:
     def __post_init__(self) -> None:
         for name in ("max_gap", "max_speed", "max_turn_rate", "lost_after"):
             value = getattr(self, name)
-            if value is not None and not 0 <= value < math.inf:
-                raise LocalizationError(f"Recovery {name} is {value}; it must be ≥ 0 and finite.")
+            if value is None and name in {"max_speed", "max_turn_rate"}:
+                continue
+            if not is_number(value) or not 0 <= value < math.inf:
+                raise LocalizationError(f"Recovery {name} is {value!r}; it must be ≥ 0 and finite.")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -145,7 +150,7 @@ def run_filter(
     log
         With odometry.
     bearings
-        Shape (S,): to be used instead of the logged ones, biases taken off, rad.
+        Shape (S,): to be used instead of the logged ones, biases taken off, rad; NaN is a missing one.
     start, start_time
         Belief and when it holds, s; earlier sightings are left out.
     odometry
@@ -162,8 +167,21 @@ def run_filter(
     Raises
     ------
     LocalizationError
-        If the log has no odometry or no sightings of landmarks from ``start_time`` on.
+        If the log has no odometry or no sightings of landmarks from ``start_time`` on, or a number is
+        impossible.
     """
+    z = as_numbers(bearings, "bearings", LocalizationError)
+    if z.shape != log.time.shape or np.isinf(z).any():
+        raise LocalizationError(f"Bearings have shape {z.shape}; give {log.time.shape}, finite or NaN.")
+    for name, value, least in (
+        ("start_time", start_time, -math.inf),
+        ("bearing_sigma", bearing_sigma, SMALLEST_SIGMA),
+        ("survey_sigma", survey_sigma, 0.0),
+        ("distance_scale", distance_scale, -math.inf),
+        ("turn_scale", turn_scale, -math.inf),
+    ):
+        if not is_number(value) or not (math.isfinite(value) and value >= least):
+            raise LocalizationError(f"Filter {name} is {value!r}; it must be finite and at least {least:g}.")
     used = np.flatnonzero((log.landmark >= 0) & (log.time >= start_time))
     if len(log.odometry) < 2 or len(used) == 0:
         raise LocalizationError(
@@ -190,7 +208,7 @@ def run_filter(
         odometry.kernel_args,
         np.searchsorted(ends, times) + 1,
         np.concatenate([first, [n]]),
-        bearings[used],
+        z[used],
         log.landmarks.positions[log.landmark[used]],
         np.full(n, bearing_sigma**2),
         np.full(n, survey_sigma**2),
@@ -337,11 +355,13 @@ class _Drive:
         return bool(usable)
 
     def _fix(self, part: slice) -> PoseFix | None:
-        bearings, places = self.bearings[part], self.places[part]
-        if len(np.unique(places, axis=0)) < 3 or not np.isfinite(bearings).all():
+        there = np.isfinite(self.bearings[part])
+        bearings, places = self.bearings[part][there], self.places[part][there]
+        variances, survey = self.variances[part][there], self.survey[part][there]
+        if len(np.unique(places, axis=0)) < 3:
             return None
-        fix = locate(bearings, places, np.sqrt(self.variances[part]))
-        if fix.converged and self.survey[part].any():
+        fix = locate(bearings, places, np.sqrt(variances))
+        if fix.converged and survey.any():
             ranges2 = np.sum((places - fix.pose[:2]) ** 2, axis=1)
-            fix = locate(bearings, places, np.sqrt(self.variances[part] + self.survey[part] / ranges2))
+            fix = locate(bearings, places, np.sqrt(variances + survey / ranges2))
         return fix if fix.converged else None

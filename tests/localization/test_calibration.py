@@ -136,6 +136,9 @@ def test_too_little_is_refused(rng):
     )
     with pytest.raises(CalibrationError, match="stands on a landmark"):
         calibrate_bearings(on_top, rng=rng)
+    for wrong in ({"n_bootstrap": 0}, {"n_bootstrap": "x"}, {"level": 1.0}, {"level": None}):
+        with pytest.raises(CalibrationError, match=r"bootstrap|Level"):
+            calibrate_bearings(log, rng=rng, **wrong)
     with pytest.raises(CalibrationError, match="no odometry"):
         calibrate_odometry(log)
     with pytest.raises(CalibrationError, match="while turning"):

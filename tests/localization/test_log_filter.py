@@ -130,7 +130,57 @@ def test_a_given_largest_speed_is_used():
     assert fast[during, 0, 0].mean() > slow[during, 0, 0].mean()
 
 
-@pytest.mark.parametrize("values", [{"max_gap": -1.0}, {"max_speed": float("nan")}, {"lost_after": -1}])
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"max_gap": -1.0},
+        {"max_speed": float("nan")},
+        {"lost_after": -1},
+        {"max_gap": "x"},
+        {"lost_after": None},
+    ],
+)
 def test_impossible_rules_are_refused(values):
     with pytest.raises(LocalizationError, match="Recovery"):
         Recovery(**values)
+
+
+def test_missing_bearings_are_left_out(rng):
+    log = driven_log(rng, n=1500)
+    missing = np.where(rng.random(len(log.bearing)) < 0.3, np.nan, log.bearing)
+    start = PoseBelief.from_sigmas(log.reference[0], position=0.01, heading=0.01)
+    run = run_filter(log, missing, start, float(log.time[0]), odometry=MODEL, bearing_sigma=0.01, gate=0.999)
+    assert np.isnan(run.normalised).tolist() == np.isnan(missing).tolist()
+    assert np.isfinite(run.mean).all()
+    # One missing bearing of a scan does not keep the others from a fix.
+    gap = without_sightings(without_odometry(driven_log(np.random.default_rng(2)), 30.0, 45.0), 30.0, 44.9)
+    z = np.where(gap.landmark == 3, np.nan, gap.bearing)
+    run = run_filter(gap, z, start, float(gap.time[0]), odometry=MODEL, bearing_sigma=0.01, gate=0.999)
+    assert run.count(ScanOutcome.REINITIALISED) == 1
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"bearing_sigma": 0.0},
+        {"bearing_sigma": float("nan")},
+        {"survey_sigma": -1.0},
+        {"distance_scale": float("inf")},
+        {"turn_scale": "x"},
+        {"gate": 1.5},
+    ],
+)
+def test_impossible_numbers_are_refused(values, rng):
+    log = driven_log(rng, n=200)
+    start = PoseBelief.from_sigmas(log.reference[0], position=0.01, heading=0.01)
+    with pytest.raises(LocalizationError):
+        run_filter(
+            log,
+            log.bearing,
+            start,
+            float(log.time[0]),
+            **{"odometry": MODEL, "bearing_sigma": 0.01, **values},
+        )
+    for wrong in (log.bearing[:-1], np.full(len(log.time), np.inf), "abc"):
+        with pytest.raises(LocalizationError):
+            run_filter(log, wrong, start, float(log.time[0]), odometry=MODEL, bearing_sigma=0.01)
