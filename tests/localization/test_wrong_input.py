@@ -441,7 +441,7 @@ class TestWhatIsNoNumber:
             lambda: best_triplet(WORLD, LASER, (1.0, 1.0), heading=heading),
             lambda: simulate_fixes(WORLD, LASER, (1.0, 1.0), heading=heading, rng=np.random.default_rng(1)),
             lambda: rank_triplets(WORLD, LASER, (1.0, 1.0), count=heading),
-            lambda: simulate_fixes(WORLD, LASER, (1.0, 1.0), n=heading, rng=np.random.default_rng(1)),
+            lambda: simulate_fixes(WORLD, LASER, (1.0, 1.0), n=heading or "x", rng=np.random.default_rng(1)),
         ):
             with pytest.raises(LocalizationError):
                 call()
