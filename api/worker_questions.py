@@ -200,7 +200,7 @@ def warm_up() -> None:
         field.world,
         field.sensor,
         trajectory,
-        robot=SimulatedRobot(0.2),
+        robot=SimulatedRobot(0.2, start_covariance=1e-4 * np.eye(3)),
         runs=2,
         rng=np.random.default_rng(0),
         field=field,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from api import answers
+from api import answers, answers_many
 from api.app import create_app
 from api.settings import Settings
 from tests.api.clients import TestClient
@@ -120,6 +120,46 @@ def test_a_bound_that_cannot_be_kept_is_an_outcome(service):
     assert plan["status"] == "risk_unmet"
     assert plan["unmet"][0]["bound"] == "max_r95_m"
     assert plan["unmet"][0]["smallest_possible"] > 1e-6
+
+
+def test_several_routes_schedules_and_simulations_of_them(service):
+    more = {"alternatives": {"count": 2, "max_cost_factor": 3.0}, "include": ["schedule"]}
+    plan = _plan(service, _field_id(service), (1.0, 5.0), (7.0, 5.0), **more).json()
+    answers.Plan.model_validate(plan)
+    assert plan["status"] == "exact"
+    assert len(plan["routes"]) == 2
+    assert all(route["schedule"] for route in plan["routes"])
+    front = _plan(service, _field_id(service), (1.0, 5.0), (7.0, 5.0), objective={"kind": "pareto"}).json()
+    answers.Plan.model_validate(front)
+    assert front["routes"][0]["front"]["against"] == "worst"
+    for route in (0, 1):
+        body = {"plan": plan["plan"], "route": route, "runs": 50}
+        found = service.post("/v1/simulations", json=body).json()
+        answers_many.Simulation.model_validate(found)
+        assert (found["status"], found["runs"]) == ("complete", 50)
+        assert service.post("/v1/simulations", json=body).json() == found
+
+
+def test_a_short_deadline_leaves_a_part_of_a_list(service):
+    began = time.monotonic()
+    more = {"alternatives": {"count": 10, "max_cost_factor": 9.0}, "include": ["schedule"]}
+    plan = _plan(service, _field_id(service), (1.0, 5.0), (7.0, 5.0), **more, deadline_s=0.3).json()
+    assert time.monotonic() - began < 0.3 + 0.5 + 1.0, "the field may have to be read"
+    answers.Plan.model_validate(plan)
+    assert plan["status"] in {"exact", "approximate", "timeout"}
+
+
+def test_many_places(service):
+    question = {"field": _field_id(service), "robot": {"radius_m": 0.3}}
+    places = [{"x_m": x, "y_m": y} for x, y in ((1.0, 5.0), (7.0, 5.0), (4.0, 3.0))]
+    matrix = service.post("/v1/matrix", json={**question, "sources": places}).json()
+    answers_many.Matrix.model_validate(matrix)
+    assert (matrix["status"], matrix["sources"][2]["status"]) == ("partial", "occupied")
+    plan = _plan(service, question["field"], (1.0, 5.0), (7.0, 5.0)).json()
+    assert plan["routes"][0]["cost"] <= matrix["cost"][0][1]
+    region = service.post("/v1/reachability", json={**question, "start": places[0], "max_cost": 4.0}).json()
+    answers_many.Region.model_validate(region)
+    assert 0 < region["features"][0]["properties"]["area_m2"] < 40
 
 
 @pytest.mark.parametrize(

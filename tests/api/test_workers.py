@@ -13,9 +13,11 @@ import pytest
 from api import worker_process
 from api.settings import Settings
 from api.uploads import Upload
+from api.worker_orders import MatrixOrder
+from api.worker_process import DeadlineExceeded
 from api.workers import Overloaded, TaskCrashed, WorkerDied, WorkerPool
 from maps.errors import MapFormatError, MapTooLarge
-from planner.errors import GoalOccupied
+from planner.errors import GoalOccupied, InvalidProblem
 from planner.problem import PlanningProblem
 
 PROGRAM = "tests.api.worker_programs:PROGRAM"
@@ -32,6 +34,10 @@ def workers_find_the_tests():
 
 def problem(deadline=5.0):
     return PlanningProblem((0, 0), (1, 1), 0.2, deadline=deadline)
+
+
+def many(deadline=5.0, client_ref=None):
+    return MatrixOrder(((0.0, 0.0),), None, problem(), ("cost",), deadline, 1, client_ref)
 
 
 def wait_for(condition, timeout=20.0):
@@ -125,6 +131,33 @@ def test_a_worker_that_dies_answers_with_its_last_route_or_says_so(pool):
     answer = pool.plan(FIELD, problem(), client_ref="die late")
     assert answer["grid_cost"] == 1.0
     assert "unexpectedly" in answer["warnings"][-1]
+
+
+def test_questions_about_many_places_are_asked_in_workers(pool):
+    first = pool.ask(FIELD, many())
+    assert 4.0 < first["left"] <= 5.0
+    assert pool.plan(FIELD, problem())["pid"] == first["pid"], "the worker that has the field"
+    before = sorted(pids(pool))
+    with pytest.raises(InvalidProblem, match="too many"):
+        pool.ask(FIELD, many(client_ref="wrong"))
+    with pytest.raises(Overloaded, match="still being read"):
+        pool.ask(Path("slow"), many(0.1))
+    wait_for(lambda: len(pids(pool)) == 2)
+    with pytest.raises(DeadlineExceeded, match=r"within 0\.1 s"):
+        pool.ask(FIELD, many(0.1, client_ref="late"))
+    wait_for(lambda: len(pids(pool)) == 2)
+    assert sorted(pids(pool)) == before
+
+
+@pytest.mark.parametrize(("how", "error"), [("hang", DeadlineExceeded), ("die", WorkerDied)])
+def test_a_question_that_hangs_or_kills_costs_one_worker(pool, how, error):
+    before = pids(pool)
+    began = time.monotonic()
+    with pytest.raises(error):
+        pool.ask(FIELD, many(0.3, client_ref=how))
+    assert time.monotonic() - began < 0.3 + 0.5
+    assert pool.ask(FIELD, many())["left"] > 0
+    wait_for(lambda: len(set(pids(pool)) - set(before)) == 1)
 
 
 def test_an_idle_worker_that_is_killed_is_replaced(pool):

@@ -17,7 +17,7 @@ from api.worker_orders import Loaded
 from api.worker_process import WorkerError
 from localization.errors import Cancelled, InvalidSensor
 from maps.errors import MapFormatError
-from planner.errors import GoalOccupied
+from planner.errors import GoalOccupied, InvalidProblem
 from planner.result import Path as Path2D
 from planner.result import PlanResult, PlanStatus, Route, RouteSummary, Trajectory
 from tests.fields import synthetic_field
@@ -81,6 +81,20 @@ def plan(channel, path, problem, more, ends_at, client_ref, warnings):
     return {"grid_cost": 3, "pid": os.getpid(), "left": ends_at - time.monotonic()}
 
 
+def matrix(channel, path, order, ends_at):
+    assert path.name in channel.memory["loaded"]
+    match order.client_ref:
+        case "hang":
+            time.sleep(3600)
+        case "late":
+            time.sleep(order.deadline + 0.4)
+        case "die":
+            os.kill(os.getpid(), signal.SIGKILL)
+        case "wrong":
+            raise InvalidProblem("too many")
+    return {"pid": os.getpid(), "left": ends_at - time.monotonic()}
+
+
 def parse(channel, parts, limits):
     if parts["name"] == "memory":
         bytearray(10 * limits.memory)
@@ -130,6 +144,6 @@ def broken_warm_up():
     raise RuntimeError("no kernels here")
 
 
-TASKS = {"build": build, "load": load, "plan": plan, "parse": parse}
+TASKS = {"build": build, "load": load, "plan": plan, "matrix": matrix, "parse": parse}
 PROGRAM = Program((nothing,), TASKS)
 BROKEN = Program((nothing, broken_warm_up), TASKS)
