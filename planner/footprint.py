@@ -126,16 +126,27 @@ def fitting_headings(
     centres = frame.to_world(np.column_stack([cols + 0.5, rows + 0.5]))
     out = np.broadcast_to(always, (len(angles), *frame.shape)).copy()
     for k, theta in enumerate(angles):
-        poses = np.column_stack([centres, np.full(len(centres), theta)])
-        fits = np.ones(len(poses), dtype=np.bool_)
-        for j in range(len(footprint.discs)):
-            left = np.flatnonzero(fits)
-            if len(left) == 0:
-                break
-            one = footprint.disc_centres(poses[left])[:, j]
-            fits[left] = index.distance(one) >= footprint.discs[j, 2] - TOUCH_M
-        out[k, rows[fits], cols[fits]] = True
+        turn = np.array([[math.cos(theta), math.sin(theta)], [-math.sin(theta), math.cos(theta)]])
+        left = np.arange(len(centres))
+        for disc in footprint.discs:
+            one = centres[left] + disc[:2] @ turn
+            left = left[_is_clear(one, float(disc[2]) - TOUCH_M, index, frame, centre_clearance)]
+        out[k, rows[left], cols[left]] = True
     return out
+
+
+def _is_clear(
+    points: FloatArray, need: float, index: ClearanceIndex, frame: GridFrame, centre_clearance: FloatArray
+) -> BoolArray:
+    """Whether points (N, 2) have as much clearance, m; measured only where their cells do not show it."""
+    cells = frame.cell_at(points)
+    on = ((cells >= 0) & (cells < frame.shape)).all(axis=1)
+    rows, cols = np.where(on[:, None], cells, 0).T
+    away = np.hypot(*(points - frame.to_world(np.column_stack([cols + 0.5, rows + 0.5]))).T)
+    clear: BoolArray = on & (centre_clearance[rows, cols] - away >= need)
+    rest = np.flatnonzero(~clear)
+    clear[rest] = index.distance(points[rest]) >= need
+    return clear
 
 
 def _cover(outline: Polygon) -> FloatArray:
