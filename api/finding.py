@@ -66,6 +66,8 @@ def _telling(report: Report) -> Callable[[PlanResult], None]:
 def _alternatives(
     problem: PlanningProblem, context: PlanningContext, asked: AlternativesAsked, report: Report | None
 ) -> Found:
+    clock = Clock(problem.deadline)
+
     def listed(found: Alternatives) -> Found:
         routes = zip(found.routes, found.shares, strict=True)
         result = replace(found.best, warnings=tuple(dict.fromkeys(found.best.warnings + found.warnings)))
@@ -85,7 +87,7 @@ def _alternatives(
             report=tell,
         )
     )
-    if not 0 < len(found.routes) < asked.count:
+    if not 0 < len(found.routes) < asked.count or clock.is_over():
         return found
     said = (
         f"{len(found.routes)} of {asked.count} routes were found; others would cost more than "

@@ -65,6 +65,13 @@ class More:
                 "A front is several routes already; leave the alternatives out, or ask for another objective."
             )
 
+    @property
+    def most_routes(self) -> int:
+        """How many routes there may be in the answer."""
+        if self.front is not None:
+            return self.front.count
+        return 1 if self.alternatives is None else self.alternatives.count
+
 
 NOTHING_MORE = More()
 

@@ -89,7 +89,24 @@ class PlanIn(Request):
                     "robot": {"radius_m": 0.35, "max_speed_m_s": 1.2, "max_accel_m_s2": 0.8},
                     "objective": {"kind": "weighted", "uncertainty_weight_per_m": 4.0},
                     "deadline_s": 2.0,
-                }
+                },
+                {
+                    "map": "warehouse",
+                    "start": {"x_m": 6.2, "y_m": 18.0},
+                    "goal": {"x_m": 54.0, "y_m": 17.0},
+                    "robot": {"radius_m": 0.35},
+                    "alternatives": {"count": 3, "max_cost_factor": 1.4, "max_share": 0.6},
+                    "include": ["schedule"],
+                    "deadline_s": 8.0,
+                },
+                {
+                    "map": "warehouse",
+                    "start": {"x_m": 6.2, "y_m": 18.0},
+                    "goal": {"x_m": 54.0, "y_m": 17.0},
+                    "robot": {"radius_m": 0.35},
+                    "objective": {"kind": "pareto", "against": "worst", "count": 5},
+                    "deadline_s": 8.0,
+                },
             ],
         }
     )

@@ -31,7 +31,9 @@ from planner.timing import time_polyline
 from planner.travel import Travel
 
 _FIELDS = "fields"
+# Encoding and sending an answer, and each further route in it.
 _ENCODING_S = 0.15
+_ROUTE_S = 0.03
 #: What a context takes for each cell before anything is planned on it, bytes.
 _CONTEXT_BYTES_PER_CELL = 100
 #: Graphs, and as much again for costs to go, that plans leave in a context: some dozens on a small field.
@@ -89,17 +91,18 @@ def plan(
     """
     ready: _Ready = channel.memory[_FIELDS][path.name]
     # The request in the answer stays as it was asked.
-    hurried = replace(problem, deadline=min(problem.deadline, _left(ends_at)))
+    hurried = replace(problem, deadline=min(problem.deadline, _left(ends_at, more.most_routes)))
     found = find(hurried, ready.context, more, report=channel.report)
     return plan_to_json(
         found, ready.label, problem=problem, more=more, client_ref=client_ref, warnings=warnings
     )
 
 
-def _left(ends_at: float) -> float:
+def _left(ends_at: float, routes: int = 1) -> float:
     """Seconds for a question: what waiting and loading took is gone, and encoding takes its share."""
     left = ends_at - time.monotonic()
-    return max(MIN_DEADLINE_S, left - min(_ENCODING_S, 0.1 * left))
+    further = min(_ROUTE_S * (routes - 1), 0.15 * left)
+    return max(MIN_DEADLINE_S, left - further - min(_ENCODING_S, 0.1 * left))
 
 
 def matrix(channel: Channel, path: Path, order: MatrixOrder, ends_at: float) -> dict[str, Any]:

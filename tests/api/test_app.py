@@ -8,6 +8,10 @@ import pytest
 
 import api.app
 from api.settings import Settings
+from api.store_files import write_field
+from localization.field_builder import build_field
+from localization.sensors import LASER
+from maps.io.site import bundled_site
 from tests.api.clients import TestClient
 from tests.api.conftest import IdleJobs, InlinePool, problem_of
 
@@ -71,6 +75,41 @@ def test_examples_of_the_document_work(client, field):
     )
     upload = client.get("/openapi.json").json()["paths"]["/v1/maps"]["post"]["requestBody"]["content"]
     assert client.post("/v1/maps", json=upload["application/json"]["example"]).status_code == 201
+
+
+@pytest.fixture(scope="module")
+def warehouse(tmp_path_factory):
+    """A service with the warehouse and a coarse field of it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(api.app, "JobRunner", IdleJobs)
+        settings = Settings(data_dir=tmp_path_factory.mktemp("warehouse"), preload=False)
+        with TestClient(api.app.create_app(settings, pool=InlinePool())) as client:
+            store = client.app.state.service.store
+            world = bundled_site("warehouse")
+            record, _ = store.add_map(world, name="warehouse")
+            _, job = store.add_field_request(record.id, LASER, 0.25, 0.0)
+            staged = store.staging_path(store.claim_job(job.id).id)
+            size, checksum = write_field(build_field(world, LASER, resolution=0.25), staged)
+            assert store.commit_field(job.id, staged, size=size, checksum=checksum)
+            yield client
+
+
+@pytest.mark.parametrize(
+    ("schema", "path", "status"),
+    [
+        ("PlanIn", "/v1/plans", {"exact", "approximate", "risk_unmet"}),
+        ("MatrixIn", "/v1/matrix", {"complete"}),
+        ("ReachIn", "/v1/reachability", {"complete"}),
+        ("SimulationIn", "/v1/simulations", {"complete"}),
+    ],
+)
+def test_examples_of_questions_work_on_the_warehouse(warehouse, schema, path, status):
+    examples = warehouse.get("/openapi.json").json()["components"]["schemas"][schema]["examples"]
+    assert examples
+    for example in examples:
+        answer = warehouse.post(path, json=example)
+        assert answer.status_code == 200, answer.text
+        assert answer.json()["status"] in status
 
 
 def test_an_empty_store_gets_the_warehouse(tmp_path, monkeypatch):
