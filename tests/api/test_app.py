@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
+from pathlib import Path
 
 import pytest
 
@@ -110,6 +112,29 @@ def test_examples_of_questions_work_on_the_warehouse(warehouse, schema, path, st
         answer = warehouse.post(path, json=example)
         assert answer.status_code == 200, answer.text
         assert answer.json()["status"] in status
+
+
+def pasted() -> list[tuple[str, dict]]:
+    """Addresses and bodies of the curl lines of the documents."""
+    found = []
+    for name in ("README.md", "docs/questions.md"):
+        text = (Path(__file__).parents[2] / name).read_text()
+        found += re.findall(r"curl -s http://127\.0\.0\.1:8080(\S+) -H \S+ \S+ -d '([^']*)'", text)
+    return [(path, json.loads(body)) for path, body in found]
+
+
+def test_curl_lines_of_the_documents_work(warehouse):
+    lines = pasted()
+    assert {path for path, _ in lines} == {
+        "/v1/plans",
+        "/v1/matrix",
+        "/v1/reachability",
+        "/v1/simulations",
+    }
+    for path, body in lines:
+        answer = warehouse.post(path, json=body)
+        assert answer.status_code == 200, answer.text
+        assert answer.json()["status"] in {"complete", "exact", "approximate", "risk_unmet"}, body
 
 
 def test_an_empty_store_gets_the_warehouse(tmp_path, monkeypatch):
