@@ -72,22 +72,21 @@ def draw(rows, folder):
     return [("bench_ompl.png", title)]
 
 
-def _refined(it, start, goal, warm, deadline_at, cells):
+def _refined(it, start, goal, warm, deadline_at):
+    """Cost after drawing from all cells through which a path cheaper than the warm one may lead."""
+    space = it.graph.cost_space
+    limit = sampling.OCTILE_EXCESS * space.line_cost(warm)
     path, _ = sampling.refine_with_ompl(
-        it.graph.cost_space,
+        space,
         start,
         goal,
         warm,
-        cells=cells,
+        cells=it.context.informed_cells(it.graph, start, goal, limit),
         samples=10_000_000,
         deadline_at=deadline_at,
         seed=3,
     )
-    return path
-
-
-def _cells(it, start, goal, cost):
-    return it.context.informed_cells(it.graph, start, goal, cost)
+    return space.line_cost(path)
 
 
 def _alone(space, start, goal):
@@ -120,13 +119,10 @@ def _alone(space, start, goal):
 
 
 def _warm(it, start, goal, deadline_at):
-    found = it.context.path(it.graph, start, goal)
-    path = _refined(it, start, goal, found.points, deadline_at, _cells(it, start, goal, found.cost))
-    return it.graph.cost_space.line_cost(path)
+    return _refined(it, start, goal, it.context.path(it.graph, start, goal).points, deadline_at)
 
 
 def _full(it, start, goal, deadline_at):
-    found = it.context.path(it.graph, start, goal)
-    taut, _ = shorten(found.points, it.graph.cost_space, deadline_at=deadline_at)
-    path = _refined(it, start, goal, taut, deadline_at, _cells(it, start, goal, found.cost))
-    return it.graph.cost_space.line_cost(path)
+    points = it.context.path(it.graph, start, goal).points
+    taut, _ = shorten(points, it.graph.cost_space, deadline_at=deadline_at)
+    return _refined(it, start, goal, taut, deadline_at)
