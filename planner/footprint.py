@@ -140,7 +140,7 @@ def _is_clear(
 ) -> BoolArray:
     """Whether points (N, 2) have as much clearance, m; measured only where their cells do not show it."""
     cells = frame.cell_at(points)
-    on = ((cells >= 0) & (cells < frame.shape)).all(axis=1)
+    on: BoolArray = np.asarray(((cells >= 0) & (cells < np.array(frame.shape))).all(axis=1))
     rows, cols = np.where(on[:, None], cells, 0).T
     away = np.hypot(*(points - frame.to_world(np.column_stack([cols + 0.5, rows + 0.5]))).T)
     clear = np.asarray(on & (centre_clearance[rows, cols] - away >= need))

@@ -150,6 +150,7 @@ def test_one_bad_place_does_not_spoil_the_rest():
 
 def test_deadline_and_stop():
     context = context_of(ROOMS)
+    before = threading.active_count()  # other plans may still be made ready in the background
     stop = np.ones(1, dtype=np.uint8)
     found = cost_matrix(context, places(ROOMS, "ab"), places(ROOMS, "cd"), travel=Travel(0.2), stop=stop)
     assert not found.is_complete
@@ -158,7 +159,7 @@ def test_deadline_and_stop():
     assert "time was over" in found.warnings[0]
     late = cost_matrix(context, places(ROOMS, "abcd"), travel=Travel(0.2), deadline=1e-9)
     assert not late.is_complete
-    assert threading.active_count() < 10
+    assert threading.active_count() <= before + 2
 
 
 def test_durations_are_those_of_a_straight_motion():
