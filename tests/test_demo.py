@@ -27,7 +27,8 @@ def test_the_demonstration_shows_the_main_job_and_ends(tmp_path):
     chosen, shortest = answer["routes"][0], answer["shortest_baseline"]
     assert chosen["uncertainty"]["max_r95_m"] < shortest["uncertainty"]["max_r95_m"]
     assert chosen["uncertainty"]["mean_r95_m"] < shortest["uncertainty"]["mean_r95_m"]
-    assert chosen["cost"] < shortest["cost"]
+    # The shortest way passes places without a fix that counts: it has no cost where these are forbidden.
+    assert shortest["cost"] is None or chosen["cost"] < shortest["cost"]
     assert shortest["length_m"] <= chosen["length_m"]
     assert chosen["min_clearance_m"] >= -1e-6
     for name in ("heatmap.png", "plan.png"):

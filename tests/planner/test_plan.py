@@ -259,7 +259,8 @@ def test_a_tiny_deadline_returns_what_there_is():
     context = ring(resolution=0.05)
     result = ask(context, deadline=0.05, refine=1_000_000)
     assert result.status in {PlanStatus.EXACT, PlanStatus.TIMEOUT, PlanStatus.APPROXIMATE}
-    assert any("deadline" in w for w in result.warnings)
+    # It was cut short and says so, or was quick enough.
+    assert any("deadline" in w for w in result.warnings) or result.stats["total_s"] <= 0.05
     assert result.stats["total_s"] < 1.0
 
 
