@@ -143,7 +143,7 @@ def _is_clear(
     on: BoolArray = np.asarray(((cells >= 0) & (cells < np.array(frame.shape))).all(axis=1))
     rows, cols = np.where(on[:, None], cells, 0).T
     away = np.hypot(*(points - frame.to_world(np.column_stack([cols + 0.5, rows + 0.5]))).T)
-    clear = np.asarray(on & (centre_clearance[rows, cols] - away >= need))
+    clear: BoolArray = np.logical_and(on, centre_clearance[rows, cols] - away >= need)
     rest = np.flatnonzero(~clear)
     clear[rest] = index.distance(points[rest]) >= need
     return clear
