@@ -14,8 +14,8 @@ from maps.arrays import FloatArray, IntArray
 from maps.kernels.clearance import segments_distance
 from maps.se2 import wrap
 from planner.context import PlanningContext
-from planner.cost_space import CostSpace
-from planner.kernels.line_cost import polyline_pieces
+from planner.cost_space import CostArrays, CostSpace
+from planner.kernels.line_cost import motion_cost, polyline_pieces
 from planner.result import Path, Route, RouteSummary, Trajectory
 from planner.risk import collision_risk
 
@@ -114,27 +114,29 @@ def _waypoints(
     out = [0]
     last = len(points) - 1
     ahead = [*stops, last]
+    args = cost_space.kernel_args
     while out[-1] < last:
         i = out[-1]
         while ahead[0] <= i:
             ahead.pop(0)
         j = int(np.searchsorted(arc, arc[i] + spacing * (1 + 1e-9), side="right")) - 1
         j = min(max(j, i + 1), ahead[0])
-        while j > i + 1 and not _is_chord(points, i, j, cost_space):
+        while j > i + 1 and not _is_chord(points, i, j, args):
             j = i + 1 + (j - i - 1) // 2
         out.append(j)
     return np.array(out)
 
 
-def _is_chord(points: FloatArray, i: int, j: int, cost_space: CostSpace) -> bool:
-    a, b = points[i], points[j]
-    way = b - a
-    length = math.hypot(*way)
-    between = points[i + 1 : j] - a
+def _is_chord(points: FloatArray, i: int, j: int, args: CostArrays) -> bool:
+    (ax, ay), (bx, by) = points[i], points[j]
+    length = math.hypot(bx - ax, by - ay)
     if length <= _CHORD_M:
         return False
-    across = np.abs(between[:, 0] * way[1] - between[:, 1] * way[0]) / length
-    return bool(across.max(initial=0.0) <= _CHORD_M) and math.isfinite(cost_space.line_cost([a, b]))
+    between = points[i + 1 : j]
+    across = (between[:, 0] - ax) * (by - ay) - (between[:, 1] - ay) * (bx - ax)
+    if len(across) and max(across.max(), -across.min()) > _CHORD_M * length:
+        return False
+    return bool(motion_cost(ax, ay, bx, by, *args) < math.inf)
 
 
 def _path(

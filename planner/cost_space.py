@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -50,6 +50,8 @@ class CostSpace:
         Of the robot, m.
     weight
         Of r95 in the rate, 1/m.
+    transform
+        Shape (5,): corner of cell (0, 0) in W, cosine and sine of the yaw, side of a cell, m.
     """
 
     frame: GridFrame
@@ -59,22 +61,19 @@ class CostSpace:
     clearance: ClearanceIndex
     radius: float
     weight: float
+    transform: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
         for name, dtype in (("rate", np.float64), ("passable", np.bool_), ("centre_clearance", np.float64)):
             object.__setattr__(self, name, frozen(getattr(self, name), dtype))
+        f = self.frame
+        values = (f.origin_x, f.origin_y, math.cos(f.yaw), math.sin(f.yaw), f.resolution)
+        object.__setattr__(self, "transform", frozen(values))
 
     @property
     def need(self) -> float:
         """Clearance that the robot's centre must keep, m: the radius up to rounding (1 nm), never 0."""
         return max(self.radius - TOUCH_M, TOUCH_M)
-
-    @property
-    def transform(self) -> FloatArray:
-        """Shape (5,): corner of cell (0, 0) in W, cosine and sine of the yaw, side of a cell, m."""
-        f = self.frame
-        values = (f.origin_x, f.origin_y, math.cos(f.yaw), math.sin(f.yaw), f.resolution)
-        return frozen(values)
 
     @property
     def kernel_args(self) -> CostArrays:

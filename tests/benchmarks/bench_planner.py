@@ -33,7 +33,9 @@ def _row(name):
     for graph in (it.graph, it.length):
         context.prepare(graph)
     context.background.add = lambda *_: None  # nothing else runs while plans are timed
-    cold, wall, route_only, cached, over_grid, over_best, taut_over_best = ([] for _ in range(7))
+    cold, wall, route_only, cached, cached_route, over_grid, over_best, taut_over_best = (
+        [] for _ in range(8)
+    )
     n_ok = n_smooth = n_ompl = 0
     for k, (start, goal) in enumerate(it.pairs):
         problem = PlanningProblem(
@@ -59,6 +61,7 @@ def _row(name):
         began = time.thread_time()
         again = plan(problem, context)
         cached.append(time.thread_time() - began)
+        cached_route.append(again.stats["to_final_path_s"])
         if again.route.summary.cost != result.route.summary.cost:
             raise AssertionError(f"{name}: a known goal changes the answer for {problem}.")
     if max(over_grid) > 1e-9:
@@ -70,6 +73,7 @@ def _row(name):
         "cold, wall [ms]": ms(wall),
         "until the route, wall": ms(route_only),
         "goal known [ms]": ms(cached),
+        "until the route, goal known, wall": ms(cached_route),
         "cost − grid p50, largest": _shares(over_grid),
         "any-angle − best known p50, largest": _shares(taut_over_best),
         "trajectory − best known p50, largest": _shares(over_best),
