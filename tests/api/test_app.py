@@ -117,7 +117,7 @@ def test_examples_of_questions_work_on_the_warehouse(warehouse, schema, path, st
 def pasted() -> list[tuple[str, dict]]:
     """Addresses and bodies of the curl lines of the documents."""
     found = []
-    for name in ("README.md", "docs/questions.md"):
+    for name in ("README.md", "docs/rest.md"):
         text = (Path(__file__).parents[2] / name).read_text()
         found += re.findall(r"curl -s http://127\.0\.0\.1:8080(\S+) -H \S+ \S+ -d '([^']*)'", text)
     return [(path, json.loads(body)) for path, body in found]
