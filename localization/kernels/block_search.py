@@ -185,7 +185,8 @@ def shorten(
     level = np.inf
     for a in range(first, last):
         level = min(level, math.log(known[a]) - slope_x * (px[a] - x0) - slope_y * (py[a] - y0))
-    level += math.log(loose)
+    # A landmark within the lever arm bounds nothing.
+    level = level + math.log(loose) if loose > 0.0 else -np.inf
     x, y, hx, hy = middle(first, last, px, py)
     x -= x0
     y -= y0
