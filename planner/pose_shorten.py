@@ -113,7 +113,10 @@ def chain(poses: FloatArray, space: PoseSpace) -> PoseCurve:
 
 
 def pulled(curve: PoseCurve, space: PoseSpace, *, free: tuple[bool, bool] = (False, False)) -> PoseCurve:
-    """The cheapest way over poses of a curve, some left out; pieces of the curve itself may stay."""
+    """The cheapest way over poses of a curve, some left out; pieces of the curve itself may stay.
+
+    The curve itself where no way over its poses is valid: an outline may not turn everywhere on it.
+    """
     steering = space.steering
     step = max(_SMALLEST_NODE_M, curve.length / _MAX_NODES)
     pieces = cut(curve, step)
@@ -128,7 +131,9 @@ def pulled(curve: PoseCurve, space: PoseSpace, *, free: tuple[bool, bool] = (Fal
     chosen: IntArray = np.empty(len(poses), dtype=np.int64)
     args = _chain_args(space)
     least = float(space.rates.min())
-    kernel.pull_chain(*args[:2], poses, own, gears, _WINDOW, least, PART_M, chosen, *args[2:])
+    found = kernel.pull_chain(*args[:2], poses, own, gears, _WINDOW, least, PART_M, chosen, *args[2:])
+    if not math.isfinite(found):
+        return curve
     ways = []
     at = len(poses) - 1
     while at > 0:

@@ -7,12 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from localization.field_builder import build_heading_field
-from localization.sensors import PinholeFixedSensor
+from localization.field_builder import build_field, build_heading_field
+from localization.sensors import LASER, PinholeFixedSensor
+from maps.io.site import bundled_site
 from planner.clock import Clock
 from planner.context import PlanningContext
 from planner.errors import InvalidProblem
 from planner.footprint import Footprint
+from planner.plan import plan
 from planner.pose_question import plan_with_poses
 from planner.problem import PlanningProblem
 from planner.result import PlanStatus
@@ -146,3 +148,14 @@ def test_a_forward_camera_is_told_by_its_heading():
 def test_impossible_robots(values, words):
     with pytest.raises(InvalidProblem, match=words):
         PlanningProblem(LOW, HIGH, 0.2, **values)
+
+
+def test_an_outline_that_may_not_turn_everywhere_on_its_way_ends_at_the_goal():
+    field = build_field(bundled_site("mas97_room"), LASER, resolution=0.25)
+    problem = PlanningProblem(
+        (2.2, 5.6), (2.4, 10.8), 0.35, footprint=((0.8, 0.4), (0.8, -0.4), (-0.4, -0.4), (-0.4, 0.4)),
+        kinematics="differential", deadline=20.0,
+    )  # fmt: skip
+    result = plan(problem, PlanningContext(field))
+    assert result.route.trajectory.points[-1] == pytest.approx([2.4, 10.8], abs=1e-6)
+    assert result.route.path.points[-1] == pytest.approx([2.4, 10.8], abs=1e-6)
