@@ -69,6 +69,9 @@ def matrix(
             "metres without a fix; NaN where there is no way); - prints JSON.",
         ),
     ] = None,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="PNG", help="Draw places, lengths and worst r95.")
+    ] = None,
 ) -> None:
     """Cost, length, duration and uncertainty from every place to every other.
 
@@ -98,6 +101,10 @@ def matrix(
     with err.status("searching …"):
         warm_up()
         found = cost_matrix(PlanningContext(loaded), places, others, travel=travel, deadline=deadline)
+    if picture is not None:
+        from api.matrix_picture import matrix_png  # noqa: PLC0415
+
+        write_file(picture, matrix_png(loaded, found, names, other_names))
     if to_stdout:
         document = matrix_to_json(found, names, other_names)
         sys.stdout.write(json.dumps(document, indent=1, allow_nan=False) + "\n")

@@ -6,7 +6,7 @@ import json
 import math
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -16,6 +16,10 @@ from api.console import err, print_note, print_plan
 from api.questions import FRONT_COUNT, AlternativesAsked, FrontAsked, More
 from localization.heading_field import HeadingField
 from planner.errors import InvalidProblem
+
+if TYPE_CHECKING:
+    from localization.uncertainty_field import UncertaintyField
+    from planner.problem import PlanningProblem
 
 
 def plan(
@@ -195,13 +199,28 @@ def plan(
         text = json.dumps(answer, indent=1, allow_nan=False) + "\n"
         sys.stdout.write(text) if to_stdout else write_file(output, text.encode())
     if picture is not None:
-        from api.plan_picture import plan_png  # noqa: PLC0415
-
-        write_file(picture, plan_png(loaded, answer))
+        write_file(picture, _picture(loaded, answer, problem, of_headings=found is not loaded))
     if not to_stdout:
         print_plan(answer)
     if answer["status"] not in {"exact", "approximate"}:
         raise typer.Exit(EXIT_UNMET)
+
+
+def _picture(
+    field: UncertaintyField, answer: dict[str, Any], problem: PlanningProblem, *, of_headings: bool
+) -> bytes:
+    """Map and routes; where the robot's heading matters its outline, with a schedule the stretches."""
+    if problem.has_pose or of_headings:
+        from api.pose_picture import pose_png  # noqa: PLC0415
+
+        return pose_png(field, answer, problem)
+    if len(answer["routes"]) == 1 and answer["routes"][0].get("schedule"):
+        from api.schedule_picture import schedule_png  # noqa: PLC0415
+
+        return schedule_png(field, answer)
+    from api.plan_picture import plan_png  # noqa: PLC0415
+
+    return plan_png(field, answer)
 
 
 def _front(objective: str, against: str | None, count: int | None) -> FrontAsked | None:

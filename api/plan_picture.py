@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw
 
-from api import canvas, layers
+from api import canvas, layers, plan_marks
 from api.canvas import Color
 from localization.covariance import ellipse95
 from localization.uncertainty_field import UncertaintyField
@@ -33,6 +33,8 @@ _GREY: Color = (90, 96, 104)
 _OVERSAMPLING = 2
 _MARGIN_M = 2.0
 _ENLARGEMENTS = (1, 2, 5, 10, 20, 50, 100, 200)
+# Ellipses that reach further than this part of the picture's width are left out: they would hide the rest.
+_LARGEST = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,7 +81,7 @@ def plan_png(field: UncertaintyField, answer: dict[str, Any], *, width: int = 15
     limits = layers.color_range(field.metric("area95_m2"), None, None, "log")
     rows, cols = np.indices(field.frame.shape)
     enlargement = _enlargement(routes, view.scale)
-    big = _map_with_routes(field, view, limits, routes, enlargement)
+    big = _map_with_routes(field, view, limits, routes, enlargement, answer)
     image = Image.new("RGB", (width, height), (255, 255, 255))
     small = (map_width // _OVERSAMPLING, map_height // _OVERSAMPLING)
     image.paste(big.resize(small, Image.Resampling.LANCZOS), (12, _HEADER))
@@ -97,7 +99,8 @@ def plan_png(field: UncertaintyField, answer: dict[str, Any], *, width: int = 15
         (12, 8), title or f"{field.world.name}: {answer['status']}", fill=layers.INK, font=canvas.font(15)
     )
     paint = _paint_table if is_list else _paint_key
-    paint(draw, height - footer + 10, routes, enlargement)
+    largest = _LARGEST * view.width / (view.scale * enlargement)
+    paint(draw, height - footer + 10, routes, enlargement, largest)
     return canvas.encode_png(image)
 
 
@@ -107,6 +110,7 @@ def _map_with_routes(
     limits: tuple[float, float],
     routes: list[_Drawn],
     enlargement: int,
+    answer: dict[str, Any],
 ) -> Image.Image:
     image = Image.new("RGB", (view.width, view.height), (255, 255, 255))
     layers.paint_floor(image, view, field.world)
@@ -121,6 +125,7 @@ def _map_with_routes(
         opacity=0.62,
     )
     layers.paint_obstacles(image, view, field.world)
+    plan_marks.paint_areas(image, view, answer["request"])
     layers.paint_landmarks(image, view, field.world, radius=5.0)
     positions = dict(zip(field.world.landmarks.ids, field.world.landmarks.positions, strict=True))
     for route in routes:
@@ -129,6 +134,7 @@ def _map_with_routes(
     for k, route in enumerate(numbered, 1):
         at = int(np.searchsorted(route.s, float(route.s[-1]) * k / (len(numbered) + 1)))
         _paint_mark(image, view, route.points[at], route.name, color=route.color, radius=13)
+    plan_marks.paint_places(image, view, answer)
     if routes:
         for point, letter in ((routes[-1].points[0], "S"), (routes[-1].points[-1], "G")):
             _paint_mark(image, view, point, letter, color=layers.INK, radius=15)
@@ -159,16 +165,25 @@ def _routes(answer: dict[str, Any]) -> list[_Drawn]:
     """In the order in which they are drawn: the first of the answer is the last."""
     found = answer["routes"]
     out = []
-    if answer.get("shortest_baseline"):
+    is_shortest = len(found) == 1 and answer.get("shortest_baseline") and _is_same(answer)
+    if answer.get("shortest_baseline") and not is_shortest:
         # Beside several routes its large ellipses would hide them.
         alone = len(found) < 2
         out.append(_drawn("shortest", _SHORTEST, answer["shortest_baseline"], has_ellipses=alone))
-    names = ["low uncertainty"] if len(found) == 1 else [str(k + 1) for k in range(len(found))]
+    only = "shortest" if is_shortest else "low uncertainty"
+    names = [only] if len(found) == 1 else [str(k + 1) for k in range(len(found))]
     listed = [
         _drawn(name, color, route, is_main=k == 0, has_ellipses=k == 0 or route.get("front") is not None)
         for k, (name, color, route) in enumerate(zip(names, _colors(found), found, strict=True))
     ]
     return out + listed[::-1]
+
+
+def _is_same(answer: dict[str, Any]) -> bool:
+    """Whether the route is the shortest one itself."""
+    route, shortest = answer["routes"][0], answer["shortest_baseline"]
+    ways = [[(p["x_m"], p["y_m"]) for p in one["path"]] for one in (route, shortest)]
+    return ways[0] == ways[1]
 
 
 def _colors(found: list[dict[str, Any]]) -> list[Color]:
@@ -245,7 +260,7 @@ def _paint_ellipse(
     enlargement: int,
 ) -> None:
     a, b, azimuth = (float(v) for v in ellipse95(covariance))
-    if not math.isfinite(a):
+    if not enlargement * a * view.scale <= _LARGEST * view.width:
         return
     t = np.linspace(0.0, 2 * math.pi, 49)
     u, v = enlargement * a * np.cos(t), enlargement * b * np.sin(t)
@@ -256,16 +271,20 @@ def _paint_ellipse(
     draw.line(polygon, fill=(*color, 220), width=2)
 
 
-def _paint_key(draw: ImageDraw.ImageDraw, top: int, routes: list[_Drawn], enlargement: int) -> None:
+def _paint_key(
+    draw: ImageDraw.ImageDraw, top: int, routes: list[_Drawn], enlargement: int, largest: float
+) -> None:
     for k, route in enumerate(reversed(routes)):
         y = top + 8 + 22 * k
         draw.line([(14, y), (52, y)], fill=route.color, width=4)
         text = f"{route.name}: {_figures(route.figures)}"
         canvas.write(draw, (62, y), text, size=14)
-    canvas.write(draw, (14, top + 60), _note(routes, enlargement, "blue"), size=12, fill=_GREY)
+    canvas.write(draw, (14, top + 60), _note(routes, enlargement, largest, "blue"), size=12, fill=_GREY)
 
 
-def _paint_table(draw: ImageDraw.ImageDraw, top: int, routes: list[_Drawn], enlargement: int) -> None:
+def _paint_table(
+    draw: ImageDraw.ImageDraw, top: int, routes: list[_Drawn], enlargement: int, largest: float
+) -> None:
     """One line for each route."""
     of_front = any(route.figures.get("front") for route in routes)
     columns = [62, 160, 260, 370, 490, 620, 720]
@@ -278,7 +297,7 @@ def _paint_table(draw: ImageDraw.ImageDraw, top: int, routes: list[_Drawn], enla
         for x, text in zip(columns, _cells(route), strict=True):
             canvas.write(draw, (x, y), text, size=14)
     y = top + 14 + _ROW * (len(routes) + 1)
-    canvas.write(draw, (14, y), _note(routes, enlargement, "first"), size=12, fill=_GREY)
+    canvas.write(draw, (14, y), _note(routes, enlargement, largest, "first"), size=12, fill=_GREY)
 
 
 def _cells(route: _Drawn) -> list[str]:
@@ -295,10 +314,13 @@ def _cells(route: _Drawn) -> list[str]:
     ]
 
 
-def _note(routes: list[_Drawn], enlargement: int, which: str) -> str:
+def _note(routes: list[_Drawn], enlargement: int, largest: float, which: str) -> str:
     note = (
         f"95 % ellipses drawn {enlargement} times as large" if enlargement > 1 else "95 % ellipses to scale"
     )
+    axes = [ellipse95(r.covariance)[..., 0] for r in routes if r.has_ellipses]
+    if any((a > largest).any() for a in axes):
+        note += f", those of more than {largest:.2g} m left out"
     if any(t for route in routes for t in route.triplets):
         note += f"; thin lines: the triplet used there; ringed dots: landmarks used on the {which} route"
     return note
