@@ -14,7 +14,12 @@ from rich.table import Table
 
 from api.cli_common import Field_, write_file
 from api.codec import DocumentError, read_json_file
-from api.codec_simulation import radius_of_answer, simulation_to_json, trajectory_of_answer
+from api.codec_simulation import (
+    footprint_of_answer,
+    radius_of_answer,
+    simulation_to_json,
+    trajectory_of_answer,
+)
 from api.console import err, out, print_note
 from localization.motion import OdometryModel
 from planner.errors import InvalidProblem
@@ -33,7 +38,8 @@ def simulate_command(
     runs: Annotated[int, typer.Option(metavar="N", help="How many, 1 to 100,000.")] = 1000,
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Same seed, same runs.")] = 0,
     radius: Annotated[
-        float | None, typer.Option(metavar="R", help="Radius of the robot, m. Default: the plan's.")
+        float | None,
+        typer.Option(metavar="R", help="Radius of the robot, m. Default: the plan's, or its footprint."),
     ] = None,
     odometry: Annotated[
         str | None,
@@ -80,6 +86,7 @@ def simulate_command(
     trajectory = trajectory_of_answer(answer)
     robot = SimulatedRobot(
         radius=radius_of_answer(answer) if radius is None else radius,
+        footprint=footprint_of_answer(answer) if radius is None else None,
         odometry=DEFAULT_ODOMETRY if odometry is None else odometry_of(odometry),
         fix_rate=fix_rate,
         mode=mode,  # type: ignore[arg-type]  # checked by the robot itself

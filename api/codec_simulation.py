@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -39,7 +40,37 @@ def trajectory_of_answer(answer: dict[str, Any]) -> Trajectory:
     if not isinstance(samples, list) or not samples:
         raise DocumentError("The plan's route has no 'trajectory'; give what 'surepath plan -o' writes.")
     rows = np.array([[_number(sample, k, key) for key in _KEYS] for k, sample in enumerate(samples)])
-    return Trajectory(rows[:, 0], rows[:, 1:3], rows[:, 3:5], rows[:, 5:7])
+    heading = headings_of([sample.get("theta_rad") for sample in samples])
+    return Trajectory(rows[:, 0], rows[:, 1:3], rows[:, 3:5], rows[:, 5:7], heading)
+
+
+def headings_of(values: Sequence[Any]) -> FloatArray | None:
+    """Headings (K,) of the samples of a trajectory, rad; None where not all of them have one."""
+    if any(isinstance(v, bool) or not isinstance(v, (int, float)) or not math.isfinite(v) for v in values):
+        return None
+    return np.array(values, dtype=np.float64)
+
+
+def footprint_of_answer(answer: dict[str, Any]) -> FloatArray | None:
+    """Corners (K, 2) of the outline that a plan was made for, m; None: a disc.
+
+    Raises
+    ------
+    DocumentError
+        If they are not made of finite numbers.
+    """
+    request = answer.get("request")
+    robot = request.get("robot") if isinstance(request, dict) else None
+    corners = robot.get("footprint") if isinstance(robot, dict) else None
+    if corners is None:
+        return None
+    try:
+        outline = np.array([[c["x_m"], c["y_m"]] for c in corners], dtype=np.float64)
+    except (TypeError, KeyError, ValueError):
+        outline = np.empty((0, 2))
+    if not len(outline) or not np.isfinite(outline).all():
+        raise DocumentError("The plan's footprint is no list of corners, x_m and y_m; give --radius.")
+    return outline
 
 
 def radius_of_answer(answer: dict[str, Any]) -> float:

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal, Self, get_args
 import numpy as np
 from pydantic import ConfigDict, Field, model_validator
 
+from api.codec_simulation import headings_of
 from api.errors import InvalidRequest
 from api.schemas import FieldId, MapId, clamped_deadline
 from api.schemas_base import Finite, NotNegative, Positive, Request
@@ -62,6 +63,8 @@ class _Question(Request):
             raise ValueError("questions about many places take the objectives shortest and weighted")
         if self.objective.covariance != "fix" or self.constraints.max_blind_distance_m is not None:
             raise ValueError("questions about many places have single fixes and no max_blind_distance_m")
+        if self.robot.footprint is not None or self.robot.kinematics in {"dubins", "reeds_shepp"}:
+            raise ValueError("questions about many places take discs that turn in place; give radius_m alone")
         return self
 
     def to_problem(self) -> PlanningProblem:
@@ -151,12 +154,15 @@ class MotionIn(Request):
     vy_m_s: Rate = 0.0
     ax_m_s2: Rate = 0.0
     ay_m_s2: Rate = 0.0
+    theta_rad: Finite | None = Field(default=None, description="Heading; null: the robot looks ahead.")
 
 
 class DrivenRobotIn(Request):
     """The robot that is simulated; what is null is as in the plan, or as a plan's default."""
 
-    radius_m: NotNegative | None = Field(default=None, description="Of the disc, m.")
+    radius_m: NotNegative | None = Field(
+        default=None, description="Of the disc, m; null: radius or footprint of the plan."
+    )
     max_turn_rate_rad_s: Annotated[float, Field(ge=0.001, le=100)] | None = None
     fix_rate_hz: Annotated[float, Field(ge=0.001, le=1e4)] | None = Field(
         default=None, description="Fixes per second; at most 20 are made."
@@ -246,7 +252,8 @@ class SimulationIn(Request):
                 f"Sample {at} of the trajectory is at {rows[at, 0]:g} s; times ascend from 0.",
                 place=f"#/trajectory/{at}/t_s",
             )
-        return Trajectory(rows[:, 0], rows[:, 1:3], rows[:, 3:5], rows[:, 5:7])
+        heading = headings_of([m.theta_rad for m in self.trajectory or []])
+        return Trajectory(rows[:, 0], rows[:, 1:3], rows[:, 3:5], rows[:, 5:7], heading)
 
     def start_matrix(self) -> np.ndarray[Any, np.dtype[np.float64]] | None:
         """``start_covariance`` as a matrix (3, 3)."""

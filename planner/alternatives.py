@@ -103,13 +103,18 @@ def find_alternatives(
     ------
     InvalidProblem
         If count, factor or share make no sense, or there are via points, or a belief or a bound on the
-        metres without a fix is asked for.
+        metres without a fix is asked for, or headings matter.
     StartOutsideMap, GoalOutsideMap, StartOccupied, GoalOccupied
         If the robot cannot stand at an end.
     """
     if problem.covariance != "fix" or problem.max_blind_distance is not None:
         raise InvalidProblem(
             "Alternatives count on single fixes and have no max_blind_distance; leave both out, or plan."
+        )
+    if problem.has_pose or context.headings is not None:
+        raise InvalidProblem(
+            "Alternatives are those of a disc that drives in every direction, on a field of one heading; "
+            "leave out kinematics, headings and footprint, or plan."
         )
     if not 1 <= count <= MAX_ALTERNATIVES:
         raise InvalidProblem(f"{count} routes are asked for; it must be from 1 to {MAX_ALTERNATIVES}.")

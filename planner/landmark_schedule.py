@@ -114,7 +114,7 @@ def schedule_landmarks(
     world, sensor
         What is where, and what measures it.
     trajectory
-        The motion; the robot looks where it drives.
+        The motion; without headings the robot looks where it drives.
     switch_cost
         What a switch must gain at least, as r95 times way, m².
     pan_rate
@@ -165,7 +165,10 @@ def stations_of(trajectory: Trajectory) -> tuple[FloatArray, FloatArray, FloatAr
     moving = np.concatenate([[True], steps > 0])
     at, places, times = arc[moving], points[moving], np.asarray(trajectory.t)[moving]
     x, y = np.interp(s, at, places[:, 0]), np.interp(s, at, places[:, 1])
-    heading = np.arctan2(np.gradient(y), np.gradient(x)) if count > 1 else np.zeros(1)
+    if trajectory.heading is not None:
+        heading = np.interp(s, at, np.unwrap(np.asarray(trajectory.heading))[moving])
+    else:
+        heading = np.arctan2(np.gradient(y), np.gradient(x)) if count > 1 else np.zeros(1)
     return s, np.interp(s, at, times), np.column_stack([x, y, np.asarray(wrap(heading))])
 
 

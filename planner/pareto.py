@@ -126,8 +126,8 @@ def pareto_front(
     Raises
     ------
     InvalidProblem
-        If ``against`` is unknown, the count makes no sense, there are via points, or a belief or a bound on
-        the metres without a fix is asked for.
+        If ``against`` is unknown, the count makes no sense, there are via points, a belief or a bound on
+        the metres without a fix is asked for, or headings matter.
     StartOutsideMap, GoalOutsideMap, StartOccupied, GoalOccupied
         If the robot cannot stand at an end.
     """
@@ -136,6 +136,11 @@ def pareto_front(
     if problem.covariance != "fix" or problem.max_blind_distance is not None:
         raise InvalidProblem(
             "Fronts count on single fixes and have no max_blind_distance; leave both out, or plan."
+        )
+    if problem.has_pose or context.headings is not None:
+        raise InvalidProblem(
+            "Fronts are those of a disc that drives in every direction, on a field of one heading; leave out "
+            "kinematics, headings and footprint, or plan."
         )
     if not 2 <= count <= MAX_POINTS:
         raise InvalidProblem(f"{count} points are asked for; it must be from 2 to {MAX_POINTS}.")

@@ -92,8 +92,11 @@ def reference_of(
     Raises
     ------
     InvalidProblem
-        If the trajectory does not move, jumps, or takes more than :data:`MAX_STEPS` steps.
+        If the trajectory does not move, jumps, drives backwards, or takes more than :data:`MAX_STEPS`
+        steps.
     """
+    if steering == "differential":
+        _refuse_backwards(trajectory)
     t, points, headings = _knots(trajectory)
     if steering == "holonomic":
         headings = np.full(len(t), headings[0])
@@ -110,6 +113,20 @@ def reference_of(
     columns = [np.interp(at, clock, values) for values in (*points.T, headings, s)]
     columns[2] = columns[2] - 2 * math.pi * np.floor((columns[2] + math.pi) / (2 * math.pi))
     return Reference(step, np.column_stack(columns[:3]), columns[3])
+
+
+def _refuse_backwards(trajectory: Trajectory) -> None:
+    """The follower steers forwards only."""
+    if trajectory.heading is None:
+        return
+    v = np.asarray(trajectory.velocity)
+    ahead = v[:, 0] * np.cos(trajectory.heading) + v[:, 1] * np.sin(trajectory.heading)
+    back = np.flatnonzero((ahead < 0.5 * -np.hypot(*v.T)) & (np.hypot(*v.T) > _STANDS))
+    if len(back):
+        raise InvalidProblem(
+            f"The trajectory drives backwards at {float(trajectory.t[back[0]]):.1f} s; simulated robots "
+            "that turn drive forwards only."
+        )
 
 
 def _knots(trajectory: Trajectory) -> tuple[FloatArray, FloatArray, FloatArray]:

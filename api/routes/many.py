@@ -9,7 +9,7 @@ from starlette.responses import Response
 
 from api import answers_many
 from api.codec import DocumentError
-from api.codec_simulation import radius_of_answer, trajectory_of_answer
+from api.codec_simulation import footprint_of_answer, radius_of_answer, trajectory_of_answer
 from api.dependencies import Service, Service_
 from api.errors import InvalidRequest
 from api.routes.common import answer, json_response, problems
@@ -169,6 +169,7 @@ def _robot(question: SimulationIn, planned: dict[str, Any]) -> dict[str, Any]:
     odometry = given.odometry or OdometryIn(**robot.get("odometry", {}))
     return {
         "radius": radius_of_answer(planned) if given.radius_m is None else given.radius_m,
+        "footprint": footprint_of_answer(planned) if given.radius_m is None else None,
         "odometry": odometry.to_model(),
         "fix_rate": given.fix_rate_hz or robot.get("fix_rate_hz", 10.0),
         "max_turn_rate": given.max_turn_rate_rad_s or robot.get("max_turn_rate_rad_s", 1.0),

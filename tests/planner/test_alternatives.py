@@ -166,3 +166,16 @@ def test_what_is_found_is_told_at_once():
     assert counts[-1] == len(found.routes) == 3
     assert all(len(t.shares) == len(t.routes) for t in told)
     assert [r.summary.cost for r in told[-1].routes] == [r.summary.cost for r in found.routes]
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"kinematics": "dubins", "min_turn_radius": 0.5},
+        {"start_heading": 0.0},
+        {"footprint": ((0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2), (0.3, -0.2))},
+    ],
+)
+def test_robots_with_headings_have_no_alternatives(values):
+    with pytest.raises(InvalidProblem, match="leave out kinematics"):
+        ask(LADDER, **values)

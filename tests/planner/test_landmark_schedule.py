@@ -149,3 +149,13 @@ def test_dead_reckoning_where_nothing_is_seen():
 def test_impossible_numbers(warehouse, drive, values, words):
     with pytest.raises(InvalidProblem, match=words):
         schedule_landmarks(warehouse, LASER, drive, **values)
+
+
+def test_a_robot_that_drives_backwards_looks_the_other_way(drive):
+    forwards = stations_of(drive)[2][:, 2]
+    ahead = np.arctan2(drive.velocity[:, 1], drive.velocity[:, 0])
+    ahead[[0, -1]] = ahead[[1, -2]]
+    backwards = replace(drive, heading=ahead + math.pi)
+    turned = stations_of(backwards)[2][:, 2]
+    off = np.cos(turned - forwards)
+    assert np.median(off) == pytest.approx(-1.0, abs=1e-6)

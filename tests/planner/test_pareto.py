@@ -128,6 +128,9 @@ def test_mistakes():
     for values in ({"covariance": "fused"}, {"max_blind_distance": 3.0}):
         with pytest.raises(InvalidProblem, match="single fixes"):
             pareto_front(question(**values), hall())
+    for values in ({"goal_heading": 1.0}, {"kinematics": "differential"}):
+        with pytest.raises(InvalidProblem, match="leave out kinematics"):
+            pareto_front(question(**values), hall())
     with pytest.raises(StartOccupied):
         pareto_front(PlanningProblem((0.3, 0.3), G, 0.3), ring())
 

@@ -152,6 +152,25 @@ def test_a_simulation_of_a_plan(gallery):
     assert (problem["errors"][0]["pointer"], "2 routes" in problem["detail"]) == ("#/route", True)
 
 
+def test_an_outline_is_simulated_as_one(gallery):
+    corners = [{"x_m": x, "y_m": y} for x, y in ((0.4, 0.2), (-0.4, 0.2), (-0.4, -0.2), (0.4, -0.2))]
+    question = {**PLAN, "robot": {"footprint": corners}, "include": ["schedule"], "field": gallery.id}
+    plan = gallery.client.post("/v1/plans", json=question).json()
+    assert plan["status"] in {"exact", "approximate"}
+    body = {"plan": plan["plan"], "runs": 10}
+    found = gallery.client.post("/v1/simulations", json=body).json()
+    answers_many.Simulation.model_validate(found)
+    assert found["robot"]["footprint_m"] == [[c["x_m"], c["y_m"]] for c in corners]
+    disc = gallery.client.post("/v1/simulations", json={**body, "robot": {"radius_m": 0.1}}).json()
+    assert (disc["robot"]["footprint_m"], disc["robot"]["radius_m"]) == (None, 0.1)
+    driven = plan["routes"][0]["trajectory"]
+    again = simulation(gallery, trajectory=driven)
+    assert again["length_m"] == pytest.approx(found["length_m"], rel=1e-6)
+    back = [{"t_s": t, "x_m": 5.0 - t, "y_m": 5.0, "vx_m_s": -1.0, "theta_rad": 0.0} for t in (0.0, 1.0, 2.0)]
+    problem = problem_of(post(gallery, "simulations", DRIVE, trajectory=back), 422, "invalid_request")
+    assert "backwards" in problem["detail"]
+
+
 def test_the_limit_of_runs_is_visible(gallery):
     problem = problem_of(post(gallery, "simulations", DRIVE, runs=1001), 422, "limit_exceeded")
     assert (problem["limit"], problem["requested"]) == (1000, 1001)
@@ -181,6 +200,8 @@ def test_deadlines_are_clamped_and_leave_a_part(gallery):
         ({"objective": {"covariance": "fused"}}, 422, "invalid_request", "single fixes"),
         ({"constraints": {"max_blind_distance_m": 1.0}}, 422, "invalid_request", "single fixes"),
         ({"constraints": {"max_r95_m": -1.0}}, 422, "invalid_request", "greater than 0"),
+        ({"robot": {"radius_m": 0.2, "kinematics": "dubins"}}, 422, "invalid_request", "turn in place"),
+        ({"robot": {"footprint": [LEFT, RIGHT, BLIND]}}, 422, "invalid_request", "turn in place"),
         ({"deadline_s": 0.0}, 422, "invalid_request", "greater than 0"),
         ({"colour": "red"}, 422, "invalid_request", "colour"),
     ],

@@ -147,6 +147,14 @@ def test_the_picture_shows_all_routes(gallery):
         ({"objective": {**FRONT, "against": "best"}}, "'worst' or 'mean'"),
         ({"objective": FRONT, "via": [{"x_m": 2.0, "y_m": 5.0}]}, "no via points"),
         ({"objective": {**FRONT, "covariance": "fused"}}, "count on single fixes"),
+        (
+            {
+                "alternatives": {},
+                "robot": {"radius_m": 0.2, "kinematics": "dubins", "min_turn_radius_m": 0.5},
+            },
+            "leave out kinematics",
+        ),
+        ({"objective": FRONT, "start": {"x_m": 1.0, "y_m": 3.0, "theta_deg": 90.0}}, "leave out kinematics"),
         ({"include": ["weather"]}, "'schedule'"),
         ({"robot": {"radius_m": 0.2, "pan_rate_deg_s": 9.0, "pan_rate_rad_s": 0.1}}, "not both"),
         ({"robot": {"radius_m": 0.2, "pan_rate_deg_s": 0.0}}, "greater than"),
