@@ -29,7 +29,7 @@ def paint_areas(image: Image.Image, view: View, request: dict[str, Any]) -> None
         corners = view.to_pixel(np.array(area["polygon"]["coordinates"][0], dtype=np.float64))
         x, y = (float(v) for v in 0.5 * (corners.min(axis=0) + corners.max(axis=0)))
         draw = ImageDraw.Draw(image)
-        text = f"× {factor:g}"
+        text = f"factor {factor:g}"
         draw.text(
             (x, y), text, fill=color, font=canvas.font(34), anchor="mm", stroke_width=3, stroke_fill="white"
         )
