@@ -23,6 +23,7 @@ from api.codec_simulation import (
 from api.console import err, out, print_note
 from localization.motion import OdometryModel
 from planner.errors import InvalidProblem
+from planner.reference import fitting_steering
 from planner.simulation import DEFAULT_ODOMETRY, SimulatedRobot, simulate
 from planner.simulation_report import SimulationReport
 
@@ -56,8 +57,20 @@ def simulate_command(
         typer.Option(help="best_triplet, arbitrary, or with a camera forced_forward, arbitrary_forward."),
     ] = "best_triplet",
     steering: Annotated[
-        str, typer.Option(help="differential: turns on the spot at corners; holonomic.")
-    ] = "differential",
+        str | None,
+        typer.Option(
+            help="differential: along its heading, turning on the spot at corners; holonomic. Default: as "
+            "the plan moves."
+        ),
+    ] = None,
+    min_turn_radius: Annotated[
+        float,
+        typer.Option(
+            "--min-turn-radius",
+            metavar="R",
+            help="Of a car, m: it turns no sharper, corrections included; take less than the plan's.",
+        ),
+    ] = 0.0,
     view_margin_deg: Annotated[
         float,
         typer.Option("--view-margin-deg", metavar="DEG", help="Landmarks keep this from a view's edges."),
@@ -91,7 +104,8 @@ def simulate_command(
         fix_rate=fix_rate,
         mode=mode,  # type: ignore[arg-type]  # checked by the robot itself
         policy=policy,  # type: ignore[arg-type]
-        steering=steering,  # type: ignore[arg-type]
+        steering=fitting_steering(trajectory) if steering is None else steering,  # type: ignore[arg-type]
+        min_turn_radius=min_turn_radius,
         view_margin=math.radians(view_margin_deg),
         start_covariance=None if start_sigma is None else _start(*start_sigma),
     )

@@ -150,6 +150,7 @@ def _robot(robot: SimulatedRobot) -> dict[str, Any]:
         "radius_m": robot.radius if robot.footprint is None else None,
         "footprint_m": None if robot.footprint is None else robot.footprint.tolist(),
         "steering": robot.steering,
+        "min_turn_radius_m": robot.min_turn_radius,
         "mode": robot.mode,
         "policy": robot.policy,
         "view_margin_rad": robot.view_margin,

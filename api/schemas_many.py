@@ -164,6 +164,11 @@ class DrivenRobotIn(Request):
         default=None, description="Of the disc, m; null: radius or footprint of the plan."
     )
     max_turn_rate_rad_s: Annotated[float, Field(ge=0.001, le=100)] | None = None
+    min_turn_radius_m: NotNegative | None = Field(
+        default=None,
+        description="Of a car: it turns no sharper, corrections included; smaller than the plan's leaves "
+        "room for them. Default: it can turn in place.",
+    )
     fix_rate_hz: Annotated[float, Field(ge=0.001, le=1e4)] | None = Field(
         default=None, description="Fixes per second; at most 20 are made."
     )
@@ -206,8 +211,10 @@ class SimulationIn(Request):
     policy: Literal["best_triplet", "arbitrary", "forced_forward", "arbitrary_forward"] = Field(
         default="best_triplet", description="How landmarks are chosen; forward: by a camera that looks ahead."
     )
-    steering: Literal["differential", "holonomic"] = Field(
-        default="differential", description="differential: turns on the spot at corners."
+    steering: Literal["differential", "holonomic"] | None = Field(
+        default=None,
+        description="differential: drives along its heading, backwards where the trajectory does, and turns "
+        "on the spot at corners. null: as the trajectory asks, holonomic where it moves sideways.",
     )
     start_covariance: Annotated[list[Finite], Field(min_length=6, max_length=6)] | None = Field(
         default=None,

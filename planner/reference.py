@@ -20,6 +20,8 @@ Steering = Literal["differential", "holonomic"]
 MAX_STEPS = 200_000
 # Slower than this the robot stands, m/s.
 _STANDS = 1e-6
+# Sine of the angle between motion and heading from which a robot moves sideways: half a right angle.
+_SIDEWAYS = math.sin(math.pi / 4)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,9 +76,10 @@ def reference_of(
 ) -> Reference:
     """Poses along a trajectory at even times.
 
-    A differential drive looks where it drives; where the trajectory stops and goes on in another direction,
-    it turns on the spot, which takes time that the trajectory does not have. Where it would turn faster than
-    it can, time is stretched. A holonomic robot keeps the heading of its first leg.
+    A motion with headings is driven as it says, backwards too. One without: a differential drive looks where
+    it drives, and where the trajectory stops and goes on in another direction, it turns on the spot, which
+    takes time that the trajectory does not have; a holonomic robot keeps the heading of its first leg. Where
+    it would turn faster than it can, time is stretched.
 
     Parameters
     ----------
@@ -92,13 +95,15 @@ def reference_of(
     Raises
     ------
     InvalidProblem
-        If the trajectory does not move, jumps, drives backwards, or takes more than :data:`MAX_STEPS`
-        steps.
+        If the trajectory does not move, jumps, is to move sideways with wheels that cannot, or takes more
+        than :data:`MAX_STEPS` steps.
     """
-    if steering == "differential":
-        _refuse_backwards(trajectory)
     t, points, headings = _knots(trajectory)
-    if steering == "holonomic":
+    if trajectory.heading is not None:
+        t, points, headings = np.array(trajectory.t), np.array(trajectory.points), _headings(trajectory)
+        if steering == "differential":
+            _refuse_sideways(trajectory)
+    elif steering == "holonomic":
         headings = np.full(len(t), headings[0])
     durations = np.maximum(np.diff(t), np.abs(np.diff(headings)) / max_turn_rate)
     clock = np.concatenate([[0.0], np.cumsum(durations)])
@@ -115,18 +120,36 @@ def reference_of(
     return Reference(step, np.column_stack(columns[:3]), columns[3])
 
 
-def _refuse_backwards(trajectory: Trajectory) -> None:
-    """The follower steers forwards only."""
+def fitting_steering(trajectory: Trajectory) -> Steering:
+    """How a robot has to move to follow: ``holonomic`` where it moves sideways, else ``differential``."""
+    return "holonomic" if _sideways_at(trajectory) is not None else "differential"
+
+
+def _sideways_at(trajectory: Trajectory) -> float | None:
+    """First time at which more than :data:`_SIDEWAYS` of the motion is across the heading, s."""
     if trajectory.heading is None:
-        return
-    v = np.asarray(trajectory.velocity)
-    ahead = v[:, 0] * np.cos(trajectory.heading) + v[:, 1] * np.sin(trajectory.heading)
-    back = np.flatnonzero((ahead < 0.5 * -np.hypot(*v.T)) & (np.hypot(*v.T) > _STANDS))
-    if len(back):
+        return None
+    d, heading = np.diff(trajectory.points, axis=0), np.unwrap(trajectory.heading)
+    middle, way = 0.5 * (heading[1:] + heading[:-1]), np.hypot(*d.T)
+    across = np.abs(d[:, 1] * np.cos(middle) - d[:, 0] * np.sin(middle))
+    found = np.flatnonzero((way > COINCIDENT_M) & (across > _SIDEWAYS * way))
+    return float(trajectory.t[found[0]]) if len(found) else None
+
+
+def _refuse_sideways(trajectory: Trajectory) -> None:
+    if (at := _sideways_at(trajectory)) is not None:
         raise InvalidProblem(
-            f"The trajectory drives backwards at {float(trajectory.t[back[0]]):.1f} s; simulated robots "
-            "that turn drive forwards only."
+            f"The trajectory moves sideways at {at:.1f} s, which a differential drive cannot; "
+            "use steering holonomic."
         )
+
+
+def _headings(trajectory: Trajectory) -> FloatArray:
+    """Its own headings, unwrapped."""
+    heading = np.array(trajectory.heading, dtype=np.float64)
+    if heading.shape != np.shape(trajectory.t) or not np.isfinite(heading).all():
+        raise InvalidProblem("The trajectory has a heading that is not finite, or not one per sample.")
+    return np.asarray(np.unwrap(heading))
 
 
 def _knots(trajectory: Trajectory) -> tuple[FloatArray, FloatArray, FloatArray]:

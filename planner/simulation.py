@@ -77,8 +77,12 @@ class SimulatedRobot:
     view_margin
         Of the choice, see :func:`planner.choices.choices_of`, rad.
     steering
-        ``differential``: turns on the spot where the path has corners; ``holonomic``: drives in any
-        direction, with the heading of the first leg.
+        ``differential``: drives along its heading, backwards where the trajectory says so, and turns on the
+        spot where the path has corners; ``holonomic``: drives in any direction, with the trajectory's
+        headings or that of the first leg.
+    min_turn_radius
+        Of a differential steering that is a car's, m: it turns no sharper, corrections included. 0: none.
+        A plan of larger arcs leaves room for corrections.
     start_covariance
         Shape (3, 3) of x, y, heading; None: that of a fix at the start.
     step
@@ -105,6 +109,7 @@ class SimulatedRobot:
     start_covariance: FloatArray | None = None
     step: float = 0.05
     max_turn_rate: float = 1.0
+    min_turn_radius: float = 0.0
     follow_length: float = 0.5
     follow_time: float = 0.5
 
@@ -116,8 +121,10 @@ class SimulatedRobot:
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
                 raise InvalidProblem(f"The {name} is {value}; it must be positive and finite.")
-        if not (math.isfinite(self.radius) and self.radius >= 0):
-            raise InvalidProblem(f"The radius is {self.radius} m; it must be ≥ 0 and finite.")
+        for name, words in (("radius", "radius"), ("min_turn_radius", "smallest turning radius")):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0):
+                raise InvalidProblem(f"The {words} is {value} m; it must be ≥ 0 and finite.")
         if self.footprint is not None:
             corners = frozen(self.footprint)
             if corners.ndim != 2 or corners.shape[1:] != (2,) or len(corners) < 3:
@@ -246,13 +253,14 @@ def _kernel_args(
     distances, turns = reference.increments(robot.steering)
     station = np.full(len(reference), -1, dtype=np.int64)
     station[stops] = np.arange(len(stops))
-    follower = np.zeros(8)
+    follower = np.zeros(follow.N_FOLLOWER)
     follower[[follow.LENGTH, follow.TIME, follow.STEP]] = robot.follow_length, robot.follow_time, robot.step
     follower[follow.MAX_DISTANCE] = _SPEED_RESERVE * float(np.abs(distances).max())
     follower[follow.MAX_TURN] = robot.max_turn_rate * robot.step
     follower[follow.HOLONOMIC] = robot.steering == "holonomic"
     follower[follow.SINGLE_FIXES] = robot.mode == "fix"
     follower[follow.REACH] = robot.reach
+    follower[follow.MIN_RADIUS] = robot.min_turn_radius
     sensor = choices.sensor
     survey = world.landmarks.sigma**2
     # Fresh writable arrays: read-only ones would compile the kernels a second time.

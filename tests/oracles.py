@@ -772,13 +772,15 @@ def followed(pose, target, goal, distance, turn, robot, top):
     c, s = math.cos(pose[2]), math.sin(pose[2])
     ahead, aside = c * off[0] + s * off[1], c * off[1] - s * off[0]
     if distance == 0:
-        return 0.0, float(np.clip(turn + share * turned, -top[1], top[1])), 0.0
+        most = 0.0 if robot.min_turn_radius else top[1]
+        return 0.0, float(np.clip(turn + share * turned, -most, most)), 0.0
     length = robot.follow_length
     d = distance * math.cos(turned) + share * ahead
-    d = min(max(d, 0.0) if distance > 0 else min(d, 0.0), top[0])
+    d = min(max(d, 0.0), top[0]) if distance > 0 else max(min(d, 0.0), -top[0])
     w = turn + distance * float(np.clip(aside, -length, length)) / length**2
     w += 2 * abs(distance) * math.sin(turned) / length
-    return d, float(np.clip(w, -top[1], top[1])), 0.0
+    most = min(top[1], abs(d) / robot.min_turn_radius) if robot.min_turn_radius else top[1]
+    return d, float(np.clip(w, -most, most)), 0.0
 
 
 def bearings_of_sensor(pose, three, mount):

@@ -18,6 +18,7 @@ from api.schemas_many import MatrixIn, ReachIn, SimulationIn
 from api.schemas_parts import OdometryIn
 from api.settings import LimitExceeded
 from api.worker_orders import MatrixOrder, Order, RegionOrder, SimulationOrder
+from planner.reference import fitting_steering
 from planner.result import Trajectory
 
 router = APIRouter(prefix="/v1", tags=["plans"])
@@ -118,7 +119,7 @@ def simulate(question: SimulationIn, service: Service_) -> Response:
         field = str(planned["field"])
     order = SimulationOrder(
         trajectory=trajectory,
-        robot=_robot(question, planned),
+        robot=_robot(question, planned, trajectory),
         runs=runs,
         seed=question.seed,
         plan=question.plan,
@@ -162,7 +163,7 @@ def _trajectory(planned: dict[str, Any], route: int) -> Trajectory:
         raise InvalidRequest(str(error), place="#/plan") from error
 
 
-def _robot(question: SimulationIn, planned: dict[str, Any]) -> dict[str, Any]:
+def _robot(question: SimulationIn, planned: dict[str, Any], trajectory: Trajectory) -> dict[str, Any]:
     """Values of a simulated robot: the request's, else the plan's, else a plan's defaults."""
     given = question.robot
     robot = planned["request"]["robot"] if planned else {}
@@ -175,6 +176,7 @@ def _robot(question: SimulationIn, planned: dict[str, Any]) -> dict[str, Any]:
         "max_turn_rate": given.max_turn_rate_rad_s or robot.get("max_turn_rate_rad_s", 1.0),
         "mode": question.mode,
         "policy": question.policy,
-        "steering": question.steering,
+        "steering": question.steering or fitting_steering(trajectory),
+        "min_turn_radius": given.min_turn_radius_m or 0.0,
         "start_covariance": question.start_matrix(),
     }

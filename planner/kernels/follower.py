@@ -12,7 +12,8 @@ from localization.kernels.fix import wrapped
 from maps.kernels.clearance import segment_distance
 
 # Positions in ``follower``.
-LENGTH, TIME, STEP, MAX_DISTANCE, MAX_TURN, HOLONOMIC, SINGLE_FIXES, REACH = range(8)
+LENGTH, TIME, STEP, MAX_DISTANCE, MAX_TURN, HOLONOMIC, SINGLE_FIXES, REACH, MIN_RADIUS = range(9)
+N_FOLLOWER = 9
 
 #: Nearer than the radius by more than this is a collision, m: plans keep their clearance up to that.
 CONTACT_M = 1e-6
@@ -50,7 +51,10 @@ def steer(k, mean, reference, distances, turns, follower):
         distance = min(max(distance, -follower[MAX_DISTANCE]), follower[MAX_DISTANCE])
         turn += d * aside / (follower[LENGTH] * follower[LENGTH])
         turn += 2.0 * abs(d) * math.sin(turned) / follower[LENGTH]
-    return distance, min(max(turn, -follower[MAX_TURN]), follower[MAX_TURN]), 0.0
+    most = follower[MAX_TURN]
+    if follower[MIN_RADIUS] > 0.0:
+        most = min(most, abs(distance) / follower[MIN_RADIUS])
+    return distance, min(max(turn, -most), most), 0.0
 
 
 @njit(cache=True, nogil=True)

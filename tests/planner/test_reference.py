@@ -1,14 +1,17 @@
 """Poses at even times: headings, turns on the spot, what is refused."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from planner.curve import curve_through, time_curve
 from planner.errors import InvalidProblem
-from planner.reference import MAX_STEPS, reference_of
+from planner.pose_timing import MotionLimits, time_poses
+from planner.reference import MAX_STEPS, fitting_steering, reference_of
 from planner.result import Trajectory
+from planner.steering import PoseCurve
 from planner.timing import at_rest, time_polyline
 
 CORNER = [[0.0, 0.0], [2.0, 0.0], [2.0, 3.0]]
@@ -64,6 +67,41 @@ def test_a_holonomic_robot_keeps_its_heading():
     distances, turns = r.increments("holonomic")
     assert distances.sum() == pytest.approx(5.0, abs=0.01)
     np.testing.assert_array_equal(turns, np.zeros(len(turns)))
+
+
+def test_headings_of_the_motion_are_driven_backwards_too():
+    shape = PoseCurve(
+        np.array([5.0, 5.0, 3.0]), np.array([[1.0, 0.5, 0], [-2.0, -0.5, 0], [0, 0, 1.0], [1.0, 0, 0]])
+    )
+    motion = time_poses(shape, MotionLimits(1.0, 1.0, 0.8)).to_trajectory()
+    assert fitting_steering(motion) == "differential"
+    r = reference_of(motion, step=0.02)
+    assert r.times[-1] == pytest.approx(motion.duration, abs=0.03)
+    np.testing.assert_allclose(r.poses[-1, :2], motion.points[-1], atol=1e-9)
+    assert math.remainder(r.poses[-1, 2] - motion.heading[-1], 2 * math.pi) == pytest.approx(0, abs=1e-9)
+    distances, turns = r.increments("differential")
+    assert distances[distances < 0].sum() == pytest.approx(-2.0, abs=1e-3)
+    assert distances.sum() == pytest.approx(0.0, abs=1e-3)
+    assert turns.sum() == pytest.approx(0.5 + 1.0 + 1.0, abs=1e-6)
+    slow = reference_of(motion, step=0.02, max_turn_rate=0.1)
+    assert np.abs(slow.increments("differential")[1]).max() <= 0.1 * 0.02 + 1e-9
+    # The poses lie on the curve: between samples no heading is off the way by more than the sampling's.
+    np.testing.assert_allclose(
+        np.hypot(*np.diff(r.poses[:, :2], axis=0).T), np.abs(distances), rtol=1e-3, atol=1e-6
+    )
+
+
+def test_sideways_is_for_holonomic_robots():
+    straight = time_polyline([[0, 0], [3, 0]], max_speed=1.0, max_accel=1.0)
+    aside = replace(straight, heading=np.linspace(1.0, 2.0, len(straight.t)))
+    assert fitting_steering(aside) == "holonomic"
+    with pytest.raises(InvalidProblem, match=r"sideways at 0.0 s.*holonomic"):
+        reference_of(aside, step=0.05)
+    r = reference_of(aside, step=0.05, steering="holonomic")
+    np.testing.assert_allclose(r.poses[[0, -1], 2], [1.0, 2.0])
+    assert r.increments("holonomic")[0].sum() == pytest.approx(3.0)
+    with pytest.raises(InvalidProblem, match="heading"):
+        reference_of(replace(straight, heading=np.full(len(straight.t), math.nan)), step=0.05)
 
 
 def test_what_cannot_be_driven_is_refused():

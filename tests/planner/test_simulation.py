@@ -17,9 +17,11 @@ from planner.choices import choices_of
 from planner.errors import InvalidProblem
 from planner.kernels import simulation as kernel
 from planner.madsen_1997_drive import drive_diagonal
+from planner.pose_timing import MotionLimits, time_poses
 from planner.reference import reference_of
 from planner.risk import collision_risk
 from planner.simulation import MAX_TRACKS, SimulatedRobot, simulate
+from planner.steering import PoseCurve
 from planner.timing import time_polyline
 
 WAREHOUSE = bundled_site("warehouse")
@@ -98,6 +100,24 @@ def test_corners_are_driven(steering):
     assert report.goal_error.max() < 0.1
     assert report.worst_deviation.max() < 0.1
     assert report.coverage.allows(0.95)
+
+
+def test_a_car_backs_into_its_place():
+    shape = PoseCurve(np.array([2.5, 2.5, 0.0]), np.array([[2.0, 0.5, 0], [-2.0, -0.5, 0], [1.0, 0.0, 0]]))
+    way = time_poses(shape, MotionLimits(1.0, 0.5)).to_trajectory()
+    odometry = OdometryModel(0.01, 0.01, 0.005)
+    reports = [
+        run(ROOM, LASER, way, runs=300, radius=0.3, odometry=odometry, min_turn_radius=r)
+        for r in (0.0, 1.7, 2.0)
+    ]
+    for report in reports:
+        assert report.collisions == 0
+        assert report.coverage.share == pytest.approx(0.95, abs=0.02)
+    free, roomy, tight = (float(np.median(r.goal_error)) for r in reports)
+    # Who drives the sharpest arcs that he can has nothing left for corrections.
+    assert free < 0.03
+    assert roomy < 1.5 * free
+    assert tight > 1.1 * roomy
 
 
 def test_collisions_grow_with_noise_and_lie_at_the_boundary():
@@ -231,6 +251,7 @@ def test_a_triplet_that_fills_the_view_is_often_lost():
         ({"policy": "none"}, "policy"),
         ({"policy": "forced_forward"}, "camera"),
         ({"radius": -1.0}, "radius"),
+        ({"min_turn_radius": -1.0}, "smallest turning radius"),
         ({"fix_rate": 0.0}, "fix_rate"),
         ({"step": math.nan}, "step"),
         ({"footprint": np.zeros((2, 2))}, "footprint"),

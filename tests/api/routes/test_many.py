@@ -167,8 +167,15 @@ def test_an_outline_is_simulated_as_one(gallery):
     again = simulation(gallery, trajectory=driven)
     assert again["length_m"] == pytest.approx(found["length_m"], rel=1e-6)
     back = [{"t_s": t, "x_m": 5.0 - t, "y_m": 5.0, "vx_m_s": -1.0, "theta_rad": 0.0} for t in (0.0, 1.0, 2.0)]
-    problem = problem_of(post(gallery, "simulations", DRIVE, trajectory=back), 422, "invalid_request")
-    assert "backwards" in problem["detail"]
+    assert simulation(gallery, trajectory=back)["robot"]["steering"] == "differential"
+    aside = [{**moment, "theta_rad": 1.5} for moment in back]
+    assert simulation(gallery, trajectory=aside)["robot"]["steering"] == "holonomic"
+    problem = problem_of(
+        post(gallery, "simulations", DRIVE, trajectory=aside, steering="differential"), 422, "invalid_request"
+    )
+    assert "sideways" in problem["detail"]
+    car = simulation(gallery, trajectory=back, robot={"radius_m": 0.2, "min_turn_radius_m": 0.5})
+    assert car["robot"]["min_turn_radius_m"] == 0.5
 
 
 def test_the_limit_of_runs_is_visible(gallery):

@@ -22,8 +22,10 @@ from maps.visibility import visible_landmarks
 from planner.choices import choices_of
 from planner.kernels import follower as follow
 from planner.kernels import simulation as kernel
+from planner.pose_timing import MotionLimits, time_poses
 from planner.reference import reference_of
 from planner.simulation import SimulatedRobot, _draws, _drive, _kernel_args, _stops, fix_stations
+from planner.steering import PoseCurve
 from planner.timing import time_polyline
 from tests import oracles
 
@@ -34,8 +36,9 @@ WAY = [[3.0, 3.0], [4.2, 3.2], [4.5, 4.0]]
 
 
 def compiled(robot, sensor, world, *, seed, runs=3, way=WAY):
+    """Runs along a polyline, or a motion with headings."""
     reference = reference_of(
-        time_polyline(way, max_speed=1.0, max_accel=1.0),
+        time_polyline(way, max_speed=1.0, max_accel=1.0) if isinstance(way, list) else way,
         step=robot.step,
         steering=robot.steering,
         max_turn_rate=0.8 * robot.max_turn_rate,
@@ -65,6 +68,21 @@ CASES = {
     "pan camera": (MAS97_CAMERA, {}),
     "fixed camera": (replace(FORWARD_CAMERA, field_of_view=1.4, mount=Mount(0.2, 0.0, 0.1)), {}),
 }
+
+
+def test_a_car_that_backs_is_the_twin_s():
+    robot = SimulatedRobot(radius=0.3, odometry=NOISE, step=0.1, min_turn_radius=0.9)
+    shape = PoseCurve(np.array([5.0, 5.0, 0.3]), np.array([[1.0, 1.0, 0], [-1.5, -0.5, 0], [0.5, 0.0, 0]]))
+    way = time_poses(shape, MotionLimits(1.0, 1.0)).to_trajectory()
+    reference, is_fix, choices, normals, _, _, tracks = compiled(robot, LASER, ROOM, seed=5, runs=3, way=way)
+    assert reference.increments("differential")[0].min() < -0.02
+    walls = ClearanceIndex.from_world(ROOM).segments
+    for r, draw in enumerate(normals):
+        expected, _ = oracles.driven_once(
+            draw, reference.poses, is_fix, lambda k, _: list(choices.planned[k]), ROOM, LASER, robot, START,
+            lambda place, i: bool(visible_landmarks(ROOM, [place], max_range=30.0)[0, i]), walls,
+        )  # fmt: skip
+        np.testing.assert_allclose(tracks[r], expected, atol=2e-6)
 
 
 @pytest.mark.parametrize("name", CASES)
