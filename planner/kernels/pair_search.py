@@ -16,8 +16,9 @@ import numpy as np
 from numba import njit
 
 _SQRT2 = math.sqrt(2.0)
-_N_LAYERS = 8192
-_N_SLOTS = 16384
+_N_LAYERS = 2048
+_N_SLOTS = 8192
+_GROUP = 32
 UNREACHED = 65535
 # Bounds are lowered by this share, so that rounding never makes one too high.
 _LOWER = 1.0 - 1e-6
@@ -121,6 +122,10 @@ def search(
     diagonal = (_SQRT2 - 1.0) * straight
     per_width = 1.0 / width
     n_chosen = chosen.shape[0]
+    which = chosen.astype(np.int32)
+    highest = high[chosen]
+    lowest_end = low[chosen]
+    unit = units[chosen]
     steps = (1, -1, width, -width, width + 1, width - 1, -width + 1, -width - 1)
     touched = np.empty(4096, np.int32)
     n_touched = 0
@@ -141,6 +146,8 @@ def search(
     slots = _N_LAYERS + 1
     head = np.full(slots + _N_SLOTS, -1, np.int32)
     tail = np.full(slots + _N_SLOTS, -1, np.int32)
+    # How many wait in groups of slots, so that empty ones are passed at once.
+    crowd = np.zeros((slots + _N_SLOTS) // _GROUP + 1, np.int32)
     n_waiting = 0
     n_here = 0
     first = 0  # number of layer 0
@@ -158,6 +165,9 @@ def search(
                 v = seeds[k]
                 old = cost[v]
                 new = seed_costs[k] if half[v] < math.inf else math.inf
+                for i in range(n_chosen):
+                    if table[v, which[i]] == UNREACHED:
+                        new = math.inf  # and none of the ends is reached
             else:
                 v = u + steps[k]
                 old = cost[v]
@@ -174,14 +184,10 @@ def search(
                 dr = max(r0 - row, row - r1, 0)
                 dc = max(c0 - col, col - c1, 0)
                 value = max(dr, dc) * straight + min(dr, dc) * diagonal
-                # As in _pivot_bound, which is too slow to call here.
+                # As in _pivot_bound, too slow to call here; seeds that pivots do not reach are left out.
                 for i in range(n_chosen):
-                    p = chosen[i]
-                    entry = int(table[v, p])
-                    if entry == UNREACHED:
-                        value = math.inf
-                        break
-                    value = max(value, (max(entry - high[p], low[p] - entry) - 1) * units[p])
+                    entry = int(table[v, which[i]])
+                    value = max(value, (max(entry - highest[i], lowest_end[i] - entry) - 1) * unit[i])
                 bound = np.float32(value * _LOWER)
                 least[v] = bound
                 if n_touched == touched.shape[0]:
@@ -203,6 +209,7 @@ def search(
                 to = slots + min(int(new * scale), _N_SLOTS - 1)
                 # Bounds that fall lead back.
                 slot = min(slot, to)
+                crowd[to // _GROUP] += 1
                 n_here += 1
             elif state[v] & _WAITS and (
                 layer == far or to == min(max(int((old + bound) * per_layer) - first, layer), far)
@@ -231,12 +238,15 @@ def search(
             if n_here > 0:
                 while head[slot] < 0:
                     slot += 1
+                    while crowd[slot // _GROUP] == 0:
+                        slot = (slot // _GROUP + 1) * _GROUP
                 at = head[slot]
                 head[slot] = after[at]
                 after[at] = spare
                 spare = at
                 n_waiting -= 1
                 n_here -= 1
+                crowd[slot // _GROUP] -= 1
                 v = cells[at]
                 if state[v] & _WAITS:
                     state[v] &= ~_WAITS
@@ -268,6 +278,7 @@ def search(
                 if to == layer:
                     to = slots + min(int(cost[v] * scale), _N_SLOTS - 1)
                     slot = min(slot, to)
+                    crowd[to // _GROUP] += 1
                     n_here += 1
                 after[at] = -1
                 if head[to] < 0:
