@@ -108,6 +108,10 @@ class HeadingField:
         n = len(self.slices)
         return self.slices[round(heading / (2 * math.pi) * n) % n]
 
+    def trusted(self) -> HeadingField:
+        """Every slice as planning may count on it, see :meth:`UncertaintyField.trusted`."""
+        return HeadingField(tuple(one.trusted() for one in self.slices))
+
     def reduced(self, which: Reduction) -> UncertaintyField:
         """One field with the best or the worst heading of every cell, by the ellipse's area.
 

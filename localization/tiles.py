@@ -29,8 +29,8 @@ class FieldTile:
     validity: npt.NDArray[np.float32]
 
     @classmethod
-    def blank(cls, shape: tuple[int, int]) -> FieldTile:
-        """A window (h, w) without a fix."""
+    def blank(cls, shape: tuple[int, ...]) -> FieldTile:
+        """A window of a shape, e.g. (h, w), without a fix."""
         return cls(
             np.full((*shape, 3), np.nan),
             np.full(shape, np.nan),

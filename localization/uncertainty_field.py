@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +18,9 @@ from localization.sensors import Sensor, sensor_hash
 from maps.arrays import BoolArray, FloatArray, IntArray, digest, frozen
 from maps.grid import GridFrame
 from maps.world import World
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 #: Changes when the same world, sensor and parameters would give other numbers or another layout.
 FIELD_FORMAT = 2
@@ -119,8 +123,7 @@ class UncertaintyField:
 
         False where the predicted share is off by more than ``VALID_TOLERANCE``: such a fix is uncertain.
         """
-        off = np.abs(self.validity - np.float32(NOMINAL_SHARE)) > np.float32(VALID_TOLERANCE)  # False for NaN
-        return np.asarray(self.has_fix & ~off)
+        return np.asarray(self.has_fix & ~is_off(self.validity))
 
     @property
     def area95(self) -> FloatArray:
@@ -141,27 +144,7 @@ class UncertaintyField:
         to count on. Such cells have no validity. A field that is valid everywhere is returned as it is.
         """
         doubtful = self.has_fix & ~self.is_valid
-        if not doubtful.any():
-            return self
-        share = self.validity[doubtful].astype(np.float64)
-        usable = share >= USABLE_SHARE
-        # Above the nominal share the ellipse is too large, which harms nobody.
-        scale = np.maximum(math.log(1.0 - NOMINAL_SHARE) / np.log(1.0 - np.where(usable, share, 0.5)), 1.0)
-        covariance, triplet = self.covariance.copy(), self.triplet.copy()
-        sigma_theta, pan, validity = self.sigma_theta.copy(), self.pan.copy(), self.validity.copy()
-        covariance[doubtful] *= np.where(usable, scale**2, np.nan)[:, None]
-        sigma_theta[doubtful] *= np.where(usable, scale, np.nan)
-        pan[doubtful] = np.where(usable, pan[doubtful], np.nan)
-        triplet[doubtful] = np.where(usable[:, None], triplet[doubtful], -1)
-        validity[doubtful] = np.nan
-        return replace(
-            self,
-            covariance=covariance,
-            sigma_theta=sigma_theta,
-            triplet=triplet,
-            pan=pan,
-            validity=validity,
-        )
+        return trusted_where(doubtful, self) if doubtful.any() else self
 
     def __reduce__(self) -> tuple[type[UncertaintyField], tuple[object, ...]]:
         return (UncertaintyField, tuple(getattr(self, f.name) for f in fields(self)))
@@ -205,6 +188,29 @@ _OF_COVARIANCE: dict[str, Callable[[FloatArray], FloatArray]] = {
     "sigma_max_m": lambda c: np.asarray(np.sqrt(cov.max_eigenvalue(c))),
     "sigma_rms_m": lambda c: np.asarray(np.sqrt(0.5 * (c[..., 0] + c[..., 2]))),
 }
+
+
+_Layers = TypeVar("_Layers", bound="DataclassInstance")
+
+
+def trusted_where(doubtful: BoolArray, layers: _Layers) -> _Layers:
+    """Layers as :meth:`UncertaintyField.trusted` has them; ``doubtful`` says where that matters."""
+    share = layers.validity[doubtful].astype(np.float64)  # type: ignore[attr-defined]
+    usable = share >= USABLE_SHARE
+    # Above the nominal share the ellipse is too large, which harms nobody.
+    scale = np.maximum(math.log(1.0 - NOMINAL_SHARE) / np.log(1.0 - np.where(usable, share, 0.5)), 1.0)
+    out = {name: getattr(layers, name).copy() for name in LAYERS if name != "n_visible"}
+    out["covariance"][doubtful] *= np.where(usable, scale**2, np.nan)[:, None]
+    out["sigma_theta"][doubtful] *= np.where(usable, scale, np.nan)
+    out["pan"][doubtful] = np.where(usable, out["pan"][doubtful], np.nan)
+    out["triplet"][doubtful] = np.where(usable[:, None], out["triplet"][doubtful], -1)
+    out["validity"][doubtful] = np.nan
+    return replace(layers, **out)
+
+
+def is_off(validity: npt.NDArray[np.float32]) -> BoolArray:
+    """Whether predicted shares are off by more than the tolerance; False for NaN, where nothing is said."""
+    return np.asarray(np.abs(validity - np.float32(NOMINAL_SHARE)) > np.float32(VALID_TOLERANCE))
 
 
 def field_hash(

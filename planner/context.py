@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
@@ -19,6 +20,7 @@ from planner.background import Background, Keep, Make
 from planner.cost_space import cost_space_for
 from planner.cost_to_go import CostToGo, GridGraph, Place
 from planner.extras import NO_EXTRAS, Extras, cost_factors, forbidden_cells, judged_covariance
+from planner.footprint import Footprint, fitting_headings
 from planner.fused_belief import FusedField
 from planner.pair_search import GridPath, InformedCells, PairSearch
 from planner.pivots import COUNT, Pivots
@@ -71,8 +73,8 @@ class PlanningContext:
     """
 
     def __init__(self, field: UncertaintyField | HeadingField, *, cache_bytes: int = CACHE_BYTES) -> None:
-        #: The field over headings, if it is one.
-        self.headings = field if isinstance(field, HeadingField) else None
+        #: The field over headings, if it is one, as planning counts on it.
+        self.headings = field.trusted() if isinstance(field, HeadingField) else None
         if isinstance(field, HeadingField):
             field = field.reduced("best")
         #: What planning counts on: where first order fails the ellipses are enlarged, or there is no fix.
@@ -155,6 +157,37 @@ class PlanningContext:
             return frozen(values), values.nbytes
 
         return self._cached(self._costs, (name, radius, blind_r95), build)
+
+    def fits(
+        self, footprint: Footprint, margin: float, count: int, *, stop: npt.NDArray[np.uint8] | None = None
+    ) -> BoolArray | None:
+        """Cells (count, ny, nx) that an outline fits at headings 0, 2π/count, …, W; None when stopped.
+
+        Parameters
+        ----------
+        footprint
+            The outline.
+        margin
+            Room beyond it, m.
+        count
+            Number of headings.
+        stop
+            Shape (1,); another thread sets it to end early. What is cut short is not kept.
+        """
+        grown = Footprint(footprint.corners, footprint.discs + np.array([0.0, 0.0, margin]))
+
+        def build() -> tuple[BoolArray | None, int]:
+            found = fitting_headings(
+                grown,
+                self.clearance,
+                self.field.frame,
+                self.centre_clearance - margin,
+                2 * math.pi / count * np.arange(count),
+                stop=stop,
+            )
+            return found, -1 if found is None else found.nbytes
+
+        return self._cached(self._costs, ("fits", grown.key, count), build)
 
     def _of_extras(self, extras: Extras, radius: float) -> tuple[BoolArray | None, FloatArray | None]:
         """Cells that extras close, and factors of cost."""

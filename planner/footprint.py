@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,12 +17,16 @@ from maps.arrays import BoolArray, FloatArray, frozen
 from maps.clearance import TOUCH_M, ClearanceIndex
 from maps.grid import GridFrame
 from planner.errors import InvalidProblem
+from planner.kernels.footprint import UNSURE, fit_rows
 
 MAX_CORNERS = 100
 MAX_SIZE_M = 50.0
 # The outline's rim is cut into pieces of about this share of its length; a disc about a piece reaches over
 # the rim by at most half of that.
 _RIM_SHARE = 1 / 36
+# Rows of a task, poses of a part: an early end waits for one of them.
+_BAND_ROWS = 16
+_PART = 20_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,6 +72,11 @@ class Footprint:
                 "The footprint does not hold the robot's centre (0, 0), about which it turns."
             )
         return cls(c, _cover(outline))
+
+    @property
+    def key(self) -> bytes:
+        """The same for outlines that are equal."""
+        return self.corners.tobytes() + self.discs.tobytes()
 
     @property
     def outline(self) -> Polygon:
@@ -114,39 +125,61 @@ def fitting_headings(
     frame: GridFrame,
     centre_clearance: FloatArray,
     headings: npt.ArrayLike,
-) -> BoolArray:
+    *,
+    stop: npt.NDArray[np.uint8] | None = None,
+    threads: int | None = None,
+) -> BoolArray | None:
     """Cells (H, ny, nx) at whose centre the covering discs are free at each heading (H,), rad.
 
     Exact for the discs. Cells with less clearance than the inscribed radius never fit, those with the
     circumscribed one always; only between them are discs looked at.
+
+    Parameters
+    ----------
+    footprint, index, frame
+        Outline, boundary of free space, cells.
+    centre_clearance
+        Shape (ny, nx), m: at the cells' centres, 0 where they are not free.
+    headings
+        Shape (H,), in W, rad.
+    stop
+        Shape (1,); another thread sets it to end early, then there is no answer.
+    threads
+        Default: one per core. The result does not depend on it.
     """
     angles = np.asarray(headings, dtype=np.float64)
-    always = centre_clearance >= footprint.circumscribed_radius - TOUCH_M
-    rows, cols = np.nonzero((centre_clearance >= footprint.inscribed_radius - TOUCH_M) & ~always)
+    turns = np.column_stack([np.cos(angles), np.sin(angles)])
+    flag = np.zeros(1, dtype=np.uint8) if stop is None else stop
+    transform = (frame.origin_x, frame.origin_y, math.cos(frame.yaw), math.sin(frame.yaw), frame.resolution)
+    out = np.zeros((len(angles), *frame.shape), dtype=np.uint8)
+    args = (
+        turns,
+        np.array(footprint.discs),
+        footprint.inscribed_radius,
+        footprint.circumscribed_radius,
+        TOUCH_M,
+        np.array(centre_clearance),
+        np.array(transform),
+        tuple(np.array(a) for a in index.arrays),
+        flag,
+        out,
+    )
+
+    def band(first: int) -> bool:
+        return bool(fit_rows(first, min(first + _BAND_ROWS, frame.n_rows), *args))
+
+    with ThreadPoolExecutor(max_workers=threads or os.cpu_count() or 1) as pool:
+        if not all(pool.map(band, range(0, frame.n_rows, _BAND_ROWS))):
+            return None
+    which, rows, cols = np.nonzero(out == UNSURE)
     centres = frame.to_world(np.column_stack([cols + 0.5, rows + 0.5]))
-    out = np.broadcast_to(always, (len(angles), *frame.shape)).copy()
-    for k, theta in enumerate(angles):
-        turn = np.array([[math.cos(theta), math.sin(theta)], [-math.sin(theta), math.cos(theta)]])
-        left = np.arange(len(centres))
-        for disc in footprint.discs:
-            one = centres[left] + disc[:2] @ turn
-            left = left[_is_clear(one, float(disc[2]) - TOUCH_M, index, frame, centre_clearance)]
-        out[k, rows[left], cols[left]] = True
-    return out
-
-
-def _is_clear(
-    points: FloatArray, need: float, index: ClearanceIndex, frame: GridFrame, centre_clearance: FloatArray
-) -> BoolArray:
-    """Whether points (N, 2) have as much clearance, m; measured only where their cells do not show it."""
-    cells = frame.cell_at(points)
-    on: BoolArray = np.asarray(((cells >= 0) & (cells < np.array(frame.shape))).all(axis=1))
-    rows, cols = np.where(on[:, None], cells, 0).T
-    away = np.hypot(*(points - frame.to_world(np.column_stack([cols + 0.5, rows + 0.5]))).T)
-    clear: BoolArray = np.logical_and(on, centre_clearance[rows, cols] - away >= need)
-    rest = np.flatnonzero(~clear)
-    clear[rest] = index.distance(points[rest]) >= need
-    return clear
+    for part in np.array_split(np.arange(len(which)), max(1, len(which) // _PART)):
+        if flag[0] != 0:
+            return None
+        poses = np.column_stack([centres[part], angles[which[part]]])
+        free = footprint.clearance(index, poses) >= -TOUCH_M if len(part) else np.zeros(0, dtype=np.bool_)
+        out[which[part], rows[part], cols[part]] = free
+    return np.asarray(out.astype(np.bool_))
 
 
 def _cover(outline: Polygon) -> FloatArray:
