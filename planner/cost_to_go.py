@@ -202,6 +202,11 @@ class CostToGo:
         return self.graph.trace(self.padded, (start, cells, costs), (self.goal, self.seeds, self.seed_costs))
 
 
+def known_or(values: FloatArray, blind: float | None) -> FloatArray:
+    """Values with what counts in places without one; as they are where nothing is said."""
+    return values if blind is None else np.where(np.isnan(values), blind, values)
+
+
 def smallest_bound(graph: GridGraph, r95: FloatArray, start: Place, goal: Place) -> float:
     """Smallest worst r95 with which the goal can be reached on the grid.
 

@@ -11,9 +11,9 @@ import numpy.typing as npt
 from maps.arrays import FloatArray
 from planner.clock import Clock
 from planner.context import PlanningContext
-from planner.cost_to_go import GridGraph, smallest_bound
+from planner.cost_to_go import GridGraph, known_or, smallest_bound
 from planner.pair_search import InformedCells
-from planner.problem import PlanningProblem
+from planner.problem import PlanningProblem, blind_rate_of
 
 # Cost per metre without a fix where that is forbidden and cannot be avoided: as little of it as possible.
 _BLIND_RATE = 1e4
@@ -88,9 +88,9 @@ def find_way(problem: PlanningProblem, context: PlanningContext, clock: Clock) -
     search = _Search(problem, context, clock)
     with clock.stop_flag() as stop:
         search.stop = stop
-        for forced in (False, True) if problem.blind_r95 is None else (False,):
+        for forced in (False, True) if search.blind_rate(search.bounds) is None else (False,):
             if forced:
-                search.blind_rate = _BLIND_RATE
+                search.forced_rate = _BLIND_RATE
             way = search.within()
             if way is None and len(search.bounds.given()) > 1 and not clock.is_over():
                 way = search.with_all_raised()
@@ -104,7 +104,7 @@ def find_way(problem: PlanningProblem, context: PlanningContext, clock: Clock) -
 def find_shortest(problem: PlanningProblem, context: PlanningContext, clock: Clock) -> Way | None:
     """Shortest path on the grid, whatever its uncertainty."""
     search = _Search(problem, context, clock)
-    search.weight, search.blind_rate, search.margin = 0.0, 1.0, 0.0
+    search.weight, search.forced_rate, search.margin = 0.0, 1.0, 0.0
     search.extras = problem.extras.without_bounds().without_areas()
     with clock.stop_flag() as stop:
         search.stop = stop
@@ -112,6 +112,8 @@ def find_shortest(problem: PlanningProblem, context: PlanningContext, clock: Clo
 
 
 _NO_BOUNDS = Bounds(None, None, None)
+# Bounds that judge places without a fix by ``blind_r95`` as it is.
+_OF_BLIND = ("max_r95_m", "max_ellipse95_m")
 
 
 class _Search:
@@ -123,8 +125,8 @@ class _Search:
         self.clock = clock
         self.stop: Stop = np.zeros(1, dtype=np.uint8)
         self.weight = problem.effective_weight
-        blind = problem.blind_r95
-        self.blind_rate = None if blind is None else 1.0 + self.weight * blind
+        #: Cost per metre in cells without a fix, whatever is asked.
+        self.forced_rate: float | None = None
         self.extras = problem.extras
         self.margin = NEAR if problem.refine > 0 else 0.0
         self.bounds = Bounds(problem.max_r95, problem.max_ellipse95, problem.max_collision_probability)
@@ -185,12 +187,19 @@ class _Search:
             return None
         return Way(graph, points, grid_cost, is_complete=found.is_complete, cells=found.cells)
 
+    def blind_rate(self, bounds: Bounds) -> float | None:
+        """Cost per metre in cells without a fix; None where they are closed."""
+        if self.forced_rate is not None:
+            return self.forced_rate
+        limits = bounds.max_r95_m, bounds.max_ellipse95_m
+        return blind_rate_of(self.weight, self.problem.blind_r95, *limits)
+
     def _graph(self, bounds: Bounds) -> GridGraph:
         return self.context.graph(
             radius=self.problem.radius,
             weight=self.weight,
             max_r95=bounds.max_r95_m,
-            blind_rate=self.blind_rate,
+            blind_rate=self.blind_rate(bounds),
             extras=replace(
                 self.extras,
                 max_ellipse95=bounds.max_ellipse95_m,
@@ -202,6 +211,8 @@ class _Search:
         """Under bounds of which the named one is replaced by the smallest for which there is a path."""
         free = self._graph(replace(bounds, **{name: None}))
         values = self.context.values_of(name, self.problem.radius, self.extras.blind_r95)
+        if name in _OF_BLIND and self.forced_rate is None:
+            values = known_or(values, self.problem.blind_r95)
         least = smallest_bound(free, values, self.problem.start, self.problem.goal)
         if not math.isfinite(least):
             return None

@@ -18,7 +18,7 @@ from planner.cost_to_go import REACH_CELLS, CostToGo, GridGraph, smallest_bound
 from planner.crop import cells_of, cropped, window_around
 from planner.kernels.matrix import way_figures
 from planner.kernels.pareto import least_worst_of_cheapest
-from planner.problem import PlanningProblem
+from planner.problem import PlanningProblem, blind_rate_of
 
 # Lengths and integrals closer than this share are equal.
 _EQUAL = 1e-9
@@ -79,7 +79,7 @@ class GridFront:
             radius=problem.radius,
             weight=0.0,
             max_r95=problem.max_r95,
-            blind_rate=None if blind is None else 1.0,
+            blind_rate=blind_rate_of(0.0, blind, problem.max_r95, problem.max_ellipse95),
             extras=problem.extras.without_areas(),
         )
         self.points: list[GridPoint] = []

@@ -25,6 +25,24 @@ MAX_CORNERS = 10_000
 OBJECTIVES = ("shortest", "weighted", "minimax")
 
 
+def blind_rate_of(weight: float, blind_r95: float | None, *limits: float | None) -> float | None:
+    """Cost per metre in cells without a fix, None where they are closed.
+
+    Parameters
+    ----------
+    weight
+        Of r95, 1/m.
+    blind_r95
+        What stands for r95 there, m; None closes them.
+    limits
+        Bounds on r95 or on the ellipse's semi-major axis (equal for a circle), m: one below ``blind_r95``
+        closes them, too.
+    """
+    if blind_r95 is None or any(limit is not None and blind_r95 > limit for limit in limits):
+        return None
+    return 1.0 + weight * blind_r95
+
+
 @dataclass(frozen=True, slots=True)
 class PlanningProblem:
     """One question to the planner: a holonomic disc from start to goal.
@@ -41,10 +59,11 @@ class PlanningProblem:
     weight
         Extra metres accepted per metre driven at r95 = 1 m, 1/m (MATH §8).
     max_r95
-        Never less certain than this, m; None: no bound. Holds cell by cell where there is a fix.
+        Never less certain than this, m; None: no bound. Holds cell by cell; cells without a fix are judged
+        by ``blind_r95``.
     blind_r95
-        Cells without a fix: None forbids them; a number lets the path cross them at the cost of a place
-        with this r95, m.
+        Cells without a fix: None forbids them; a number, m, makes them count as places with this r95, in
+        costs and in bounds.
     max_ellipse95
         The semi-major axis of the 95 % ellipse stays at or below this, m; None: no bound. As ``max_r95``.
     max_collision_probability

@@ -10,7 +10,7 @@ from shapely import Polygon
 from maps.clearance import TOUCH_M
 from planner.context import PlanningContext
 from planner.cost_to_go import GridGraph, Place
-from planner.problem import PlanningProblem
+from planner.problem import PlanningProblem, blind_rate_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ class Travel:
             radius=self.radius,
             weight=weight,
             max_r95=self.max_r95,
-            blind_rate=None if self.blind_r95 is None else 1.0 + weight * self.blind_r95,
+            blind_rate=blind_rate_of(weight, self.blind_r95, self.max_r95, self.max_ellipse95),
             extras=extras.without_areas() if by_length else extras,
         )
 

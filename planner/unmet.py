@@ -35,11 +35,13 @@ def unmet_bounds(
         out.append(_bound_missed(limit, route))
     if way.is_blind_forced:
         x, y = _first_blind_place(route)
+        remedy = "Give blind_r95_m to accept such stretches at a cost"
+        if problem.blind_r95 is not None:
+            remedy = f"They count as r95 = {problem.blind_r95:g} m; a bound from there on opens them"
         message = (
             "Every path crosses places without a fix (fewer than three usable landmarks in view). The route "
             f"returned drives {summary.blind:.2f} m without one, as little as possible, first at "
-            f"({x:.2f}, {y:.2f}) m. Give blind_r95_m to accept such stretches at a cost, or place "
-            "landmarks there."
+            f"({x:.2f}, {y:.2f}) m. {remedy}, or place landmarks there."
         )
         out.append(Unmet("blind", 0.0, summary.blind, (x, y), None, message))
     return tuple(out)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -13,11 +14,11 @@ from maps.arrays import FloatArray
 from planner.annotate import annotate
 from planner.clock import Clock
 from planner.context import PlanningContext
-from planner.cost_to_go import Place, smallest_bound
+from planner.cost_to_go import Place, known_or, smallest_bound
 from planner.ends import check_ends
 from planner.errors import StartOccupied, StartOutsideMap, ViaOccupied, ViaOutsideMap
-from planner.problem import MIN_DEADLINE_S, PlanningProblem
-from planner.result import PlanResult, PlanStatus, Route, Trajectory, Unmet
+from planner.problem import MIN_DEADLINE_S, PlanningProblem, blind_rate_of
+from planner.result import Path, PlanResult, PlanStatus, Route, RouteSummary, Trajectory, Unmet
 
 PlanLeg = Callable[[PlanningProblem, PlanningContext], PlanResult]
 
@@ -78,7 +79,7 @@ def plan_via(problem: PlanningProblem, context: PlanningContext, plan_leg: PlanL
             leg = replace(whole, start=start, goal=goal, via=(), deadline=deadline)
             # These are of the ends of the whole.
             if k > 0:
-                leg = replace(leg, start_covariance=None, start_heading=None)
+                leg = replace(leg, start_covariance=None, start_heading=_heading_so_far(results))
             if k < len(legs) - 1:
                 leg = replace(leg, goal_heading=None)
             result = plan_leg(leg, context)
@@ -94,6 +95,14 @@ def plan_via(problem: PlanningProblem, context: PlanningContext, plan_leg: PlanL
     order = (PlanStatus.RISK_UNMET, PlanStatus.APPROXIMATE, PlanStatus.EXACT)
     status = next(s for s in order if any(r.status is s for r in results))
     return _result(problem, results, status, route, shortest, tuple(said), clock)
+
+
+def _heading_so_far(results: list[PlanResult]) -> float | None:
+    """Heading with which the last leg ends, rad; None for a robot without one."""
+    route = results[-1].route
+    if route is None or route.trajectory.heading is None:
+        return None
+    return float(route.trajectory.heading[-1])
 
 
 def _check_via(problem: PlanningProblem, context: PlanningContext) -> None:
@@ -127,10 +136,11 @@ def _with_common_worst(
     graph = context.graph(
         radius=problem.radius,
         weight=0.0,
-        blind_rate=None if problem.blind_r95 is None else 1.0,
+        blind_rate=blind_rate_of(0.0, problem.blind_r95, problem.max_ellipse95),
         extras=problem.extras,
     )
-    least = max(smallest_bound(graph, context.r95, a, b) for a, b in legs)
+    values = known_or(context.r95, problem.blind_r95)
+    least = max(smallest_bound(graph, values, a, b) for a, b in legs)
     if not math.isfinite(least) or least <= 0:
         return problem
     asked = problem.max_r95
@@ -145,8 +155,10 @@ def _joined(
     if len(legs) < len(routes):
         return None
     trajectory, stops = _joined_trajectory([leg.trajectory for leg in legs])
+    if trajectory.heading is not None:
+        return Route(_joined_path(legs), trajectory, _joined_summary(legs))
     weight = problem.effective_weight
-    blind = None if problem.blind_r95 is None else 1.0 + weight * problem.blind_r95
+    blind = blind_rate_of(weight, problem.blind_r95, problem.max_r95, problem.max_ellipse95)
     options = {"radius": problem.radius, "weight": weight}
     space = context.graph(
         max_r95=problem.max_r95, blind_rate=blind, extras=problem.extras, **options
@@ -157,6 +169,51 @@ def _joined(
         space = context.graph(blind_rate=blind or 1.0, extras=loose, **options).cost_space
     cost = sum(leg.summary.cost for leg in legs)
     return annotate(trajectory, context, space, cost=cost, stops=stops)
+
+
+def _joined_path(legs: list[Route]) -> Path:
+    """Waypoints one after the other, those where legs meet once: with the heading of arrival."""
+    values: dict[str, Any] = {}
+    offsets = np.concatenate([[0.0], np.cumsum([leg.summary.length for leg in legs])])
+    for one in fields(Path):
+        parts = [getattr(leg.path, one.name) for leg in legs]
+        if not isinstance(parts[0], np.ndarray):
+            values[one.name] = parts[0]
+            continue
+        if one.name == "s":
+            parts = [part + offset for part, offset in zip(parts, offsets, strict=False)]
+        values[one.name] = np.concatenate([parts[0], *(part[1:] for part in parts[1:])])
+    return Path(**values)
+
+
+def _joined_summary(legs: list[Route]) -> RouteSummary:
+    """Figures of legs as those of one route."""
+    all_ = [leg.summary for leg in legs]
+
+    def largest(name: str) -> float | None:
+        return max((v for s in all_ if (v := getattr(s, name)) is not None), default=None)
+
+    known = [(s.length - s.blind, s.mean_r95) for s in all_ if s.mean_r95 is not None]
+    seen = sum(way for way, _ in known)
+    worst, before, worst_at = -math.inf, 0.0, None
+    for s in all_:
+        if s.max_r95 is not None and s.worst_at is not None and s.max_r95 > worst:
+            worst, worst_at = s.max_r95, before + s.worst_at
+        before += s.length
+    return RouteSummary(
+        cost=sum(s.cost for s in all_),
+        length=before,
+        duration=sum(s.duration for s in all_),
+        mean_r95=sum(way * mean for way, mean in known) / seen if seen > 0 else largest("mean_r95"),
+        max_r95=largest("max_r95"),
+        max_area95=largest("max_area95"),
+        max_ellipse95=largest("max_ellipse95"),
+        worst_at=worst_at,
+        blind=sum(s.blind for s in all_),
+        min_clearance=min(s.min_clearance for s in all_),
+        max_collision_probability=largest("max_collision_probability"),
+        max_collision_bound=largest("max_collision_bound"),
+    )
 
 
 def _joined_trajectory(legs: list[Trajectory]) -> tuple[Trajectory, tuple[int, ...]]:

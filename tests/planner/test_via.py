@@ -48,6 +48,22 @@ def test_a_via_point_is_passed_and_the_robot_stops_there():
     assert at_rest_at(result.shortest, TOP)
 
 
+@pytest.mark.parametrize("kinematics", ["dubins", "differential"])
+def test_headings_go_on_through_a_via_point(kinematics):
+    asked = {"kinematics": kinematics, "min_turn_radius": 0.3, "goal_heading": 0.0, "max_turn_accel": 2.0}
+    problem = PlanningProblem(S, G, 0.2, via=(TOP, S), deadline=20.0, **asked)
+    route = plan(problem, ring()).route
+    t = route.trajectory
+    step = np.abs(np.diff(np.unwrap(t.heading)))
+    assert (step <= 1.01 * np.diff(t.t) + 1e-6).all()  # at the turn rate of 1 rad/s
+    assert t.heading[-1] == pytest.approx(0.0, abs=1e-6)
+    assert len(route.path.heading) == len(route.path.s)
+    assert route.path.s[-1] == pytest.approx(route.summary.length, abs=1e-6)
+    if kinematics == "dubins":
+        ahead = np.column_stack([np.cos(t.heading), np.sin(t.heading)])
+        assert (np.einsum("ij,ij->i", ahead, t.velocity) >= -1e-9).all()
+
+
 def test_figures_are_of_the_whole():
     context = ring(low=0.05, high=0.1)
     result = ask(context, weight=0.0, via=(TOP, S, (5.5, 1.0)))
