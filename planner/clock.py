@@ -66,6 +66,17 @@ class Clock:
         """Whether a share of the time is over."""
         return time.monotonic() >= self.at(share)
 
+    @property
+    def stats(self) -> dict[str, float]:
+        """Seconds of the stages and in all, by name with the unit."""
+        return {f"{name}_s": seconds for name, seconds in self.seconds.items()} | {"total_s": self.elapsed}
+
+    def quiet(self) -> Clock:
+        """Another with the same time, whose stages are not counted here."""
+        other = Clock(self.deadline)
+        other.began = self.began
+        return other
+
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Add the seconds spent inside to a stage."""

@@ -76,7 +76,7 @@ def forbidden_cells(extras: Extras, context: PlanningContext, radius: float) -> 
             limit=extras.max_probability,
         )
     for polygon in extras.avoid:
-        out |= _cells_near(field.frame, polygon, radius)
+        out |= cells_near(field.frame, polygon, radius)
     return out if out.any() else None
 
 
@@ -104,7 +104,7 @@ def cost_factors(extras: Extras, frame: GridFrame) -> FloatArray | None:
     return out
 
 
-def _cells_near(frame: GridFrame, polygon: Polygon, distance: float) -> BoolArray:
+def cells_near(frame: GridFrame, polygon: Polygon, distance: float) -> BoolArray:
     """Cells of which some point is nearer to a polygon than a distance, m."""
     out = np.zeros(frame.shape, dtype=np.bool_)
     x0, y0, x1, y1 = polygon.bounds

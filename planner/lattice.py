@@ -20,6 +20,8 @@ MAX_STATES = 400_000_000
 # Poses of the lattice within this many cells and radii of an end are joined to it by one curve.
 _REACH_CELLS = 3.0
 _REACH_RADII = {"dubins": 2.0, "reeds_shepp": 1.0}
+# Cells within reach in one direction of which all are joined; of twice as many every other one, and so on.
+_REACH_STEPS = 12
 # Curves that are more than this longer than the straight line, in radii, do not join.
 _DETOUR_RADII = 1.0
 
@@ -176,7 +178,11 @@ class Lattice:
         cols = np.arange(max(col - n, 0), min(col + n + 1, space.frame.n_cols))
         grid = np.stack(np.meshgrid(rows, cols, indexing="ij"), axis=-1).reshape(-1, 2)
         centres = space.centre(grid[:, 0], grid[:, 1])
-        near = np.hypot(centres[:, 0] - end.x, centres[:, 1] - end.y) <= reach
+        away = np.hypot(centres[:, 0] - end.x, centres[:, 1] - end.y)
+        # On small cells every few of them will do, but for those next to the end.
+        stride = max(1, n // _REACH_STEPS)
+        chosen = ((grid - [row, col]) % stride == 0).all(axis=1)
+        near = (away <= reach) & (chosen | (away <= _REACH_CELLS * space.frame.resolution))
         fits = space.centre_clearance[grid[:, 0], grid[:, 1]] >= space.need
         grid = grid[near & fits]
         return np.asarray(grid[:, 0] * space.frame.n_cols + grid[:, 1], dtype=np.int64)
@@ -224,7 +230,20 @@ def lattice_for(space: PoseSpace, *, n_headings: int = 16) -> Lattice:
     return lattice
 
 
-def search_lattice(lattice: Lattice, start: End, goal: End, *, stop: Stop | None = None) -> LatticeWay:
+def joints_of(lattice: Lattice, start: End, goal: End) -> tuple[Joints, Joints]:
+    """Poses that are joined to the start and to the goal."""
+    return lattice.joints(start, is_start=True), lattice.joints(goal, is_start=False)
+
+
+def search_lattice(
+    lattice: Lattice,
+    start: End,
+    goal: End,
+    *,
+    stop: Stop | None = None,
+    guess: FloatArray | None = None,
+    joints: tuple[Joints, Joints] | None = None,
+) -> LatticeWay:
     """Cheapest way from one pose to another over the lattice.
 
     One curve joins the start to the lattice, moves follow, one curve leads to the goal; or one curve leads
@@ -238,6 +257,12 @@ def search_lattice(lattice: Lattice, start: End, goal: End, *, stop: Stop | None
         Ends anywhere on the grid.
     stop
         Shape (1,); another thread sets it to end the search.
+    guess
+        Shape (ny, nx): about what a cell costs to the goal; where it is too high the way may not be the
+        cheapest, and where it is inf none is looked for. None: it is computed exactly, which takes longer
+        than the search by a guess.
+    joints
+        Of start and goal, if they are known.
 
     Returns
     -------
@@ -252,16 +277,17 @@ def search_lattice(lattice: Lattice, start: End, goal: End, *, stop: Stop | None
     flag = np.zeros(1, dtype=np.uint8) if stop is None else stop
     space = lattice.space
     direct, direct_cost = _direct(space, start, goal)
-    first, last = lattice.joints(start, is_start=True), lattice.joints(goal, is_start=False)
+    first, last = joints or joints_of(lattice, start, goal)
     n = len(lattice.primitives.headings)
     args = lattice.move_args
     to_go = np.empty(space.cost_space.frame.shape)
     row, col = space.cost_space.frame.cell_at((start.x, start.y))
     guide = np.array([row, col, float(space.rates.min())])
-    ok = kernel.costs_without_headings(
+    if guess is not None:
+        to_go[:] = guess
+    elif not kernel.costs_without_headings(
         last.keys // n, last.costs, first.keys // n, guide, direct_cost, flag, to_go, *args
-    )
-    if not ok:
+    ):
         return LatticeWay(Outcome.STOPPED, direct, direct_cost, 0, None)
     seeds, seed_costs, of = _seeds(lattice, first)
     so_far = np.zeros(lattice.n_states)

@@ -25,6 +25,7 @@ from planner.motion import Motion, least_limit, move_along, stops_in_words
 from planner.narrow import is_disconnected, refined
 from planner.pose_plan import warm_up as warm_up_poses
 from planner.pose_question import plan_facing, plan_with_poses
+from planner.pose_route import facing_its_way
 from planner.problem import PlanningProblem
 from planner.result import PlanResult, PlanStatus, Route, Trajectory
 from planner.timing import time_polyline
@@ -274,10 +275,8 @@ def _shortest(
             work.warnings.append("The deadline came before the shortest route was found.")
             return None
         other = _Work("shortest route", _SHORTEST_SHARES)
-        quiet = Clock(problem.deadline)
-        quiet.began = clock.began
         # Where only length counts, a pulled string is taut: samples would not shorten it.
-        shortest = _finish(found, replace(problem, refine=0), context, quiet, other)
+        shortest = _finish(found, replace(problem, refine=0), context, clock.quiet(), other)
     work.warnings.extend(other.warnings)
     # The route itself is shorter where its smoothing went further.
     return route if route.summary.length < shortest.summary.length else shortest
@@ -303,7 +302,7 @@ def _special(problem: PlanningProblem, context: PlanningContext, clock: Clock) -
         if faced is not None:
             return faced
     if by_pose:
-        return plan_with_poses(problem, context, clock, headings=context.headings, baseline=baseline)
+        return plan_with_poses(problem, context, clock, baseline=baseline)
     if by_belief:
         return plan_by_belief(problem, context, clock, baseline=baseline)
     return None
@@ -316,9 +315,8 @@ def _baseline(problem: PlanningProblem, context: PlanningContext, clock: Clock) 
     found = find_shortest(problem, context, clock)
     if found is None:
         return None
-    quiet = Clock(problem.deadline)
-    quiet.began = clock.began
-    return _finish(found, problem, context, quiet, _Work("shortest route", _SHORTEST_SHARES))
+    route = _finish(found, problem, context, clock.quiet(), _Work("shortest route", _SHORTEST_SHARES))
+    return route if context.headings is None else facing_its_way(route, problem, context)
 
 
 def _asks_for_length(problem: PlanningProblem) -> bool:
@@ -382,7 +380,7 @@ def _result(
         planner="+".join(work.stages),
         unmet=unmet,
         warnings=tuple(dict.fromkeys(work.warnings)),
-        stats={f"{k}_s": v for k, v in clock.seconds.items()} | {"total_s": clock.elapsed},
+        stats=clock.stats,
     )
 
 
@@ -400,8 +398,7 @@ def nothing_found(
             f" This holds on cells of {context.field.frame.resolution:g} m; a passage that leaves less than "
             "half a cell on both sides of the robot may be missed."
         )
-    stats = {f"{k}_s": v for k, v in clock.seconds.items()} | {"total_s": clock.elapsed}
-    return PlanResult(status, None, None, None, "grid_search", warnings=(said,), stats=stats)
+    return PlanResult(status, None, None, None, "grid_search", warnings=(said,), stats=clock.stats)
 
 
 def warm_up() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -13,14 +13,19 @@ from maps.arrays import FloatArray, IntArray
 from planner import sampling_se2
 from planner.clock import flag_at
 from planner.cost_space import CostSpace
+from planner.cost_to_go import GridGraph
 from planner.example_space import example_space
-from planner.lattice import End, LatticeWay, Outcome, lattice_for, search_lattice
+from planner.fillet import filleted
+from planner.lattice import End, Lattice, LatticeWay, Outcome, joints_of, lattice_for, search_lattice
 from planner.pose_reason import why_no_way
 from planner.pose_shorten import PART_M, shorten_poses
 from planner.steering import CurveSamples, PoseCurve, PoseSpace, Steering
 
 # Share of the time left at which shortening ends and sampling begins.
 _SHORTEN_SHARE = 0.5
+# From so many cells on the cheapest way takes seconds; share of the time left that its search may take.
+_MANY_CELLS = 300_000
+_PROOF_SHARE = 0.6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,6 +95,7 @@ def plan_poses(
     stop: npt.NDArray[np.uint8] | None = None,
     seed: int = 0,
     refine: int = 0,
+    is_explained: bool = True,
 ) -> PosePath:
     """Cheapest way of a robot from a pose to a pose that can be found until a deadline.
 
@@ -112,6 +118,8 @@ def plan_poses(
         Shape (1,); another thread sets it to end the search.
     seed, refine
         Of the samples of RRT*, and how many may be drawn; 0 skips it, as do robots that turn in place.
+    is_explained
+        Whether to look for the reason where there is no way, which takes further searches.
 
     Returns
     -------
@@ -129,17 +137,38 @@ def plan_poses(
     began = time.monotonic()
     lattice = lattice_for(space, n_headings=n_headings)
     with flag_at(deadline_at, stop) as flag:
-        way = search_lattice(lattice, start, goal, stop=flag)
+        way = _way_of_lattice(lattice, start, goal, deadline_at, flag)
         stats["lattice_s"] = time.monotonic() - began
         stats["expanded"] = float(way.expanded)
         if way.curve is None:
-            reason = (
-                why_no_way(space, start, goal, stop=flag) if way.outcome is Outcome.NO_WAY else _late(began)
-            )
+            reason = ""
+            if way.outcome is Outcome.STOPPED:
+                reason = "The deadline came before any way was found."
+            elif is_explained:
+                reason = why_no_way(space, start, goal, stop=flag)
             return PosePath(
                 way.outcome, None, None, math.inf, math.inf, False, "lattice", reason, way.to_go, stats
             )
     return _improved(space, way, start, goal, stats, deadline_at, seed, refine)
+
+
+def _way_of_lattice(
+    lattice: Lattice, start: End, goal: End, deadline_at: float, flag: npt.NDArray[np.uint8]
+) -> LatticeWay:
+    """The cheapest way; on many cells first one that is quick to find, which stands where the time ends."""
+    space = lattice.space.cost_space
+    if space.rate.size < _MANY_CELLS or not math.isfinite(deadline_at):
+        return search_lattice(lattice, start, goal, stop=flag)
+    graph = GridGraph.from_cost_space(space)
+    guess = graph.costs_to((goal.x, goal.y), stop=flag).cost
+    joints = joints_of(lattice, start, goal)
+    quick = search_lattice(lattice, start, goal, stop=flag, guess=guess, joints=joints)
+    now = time.monotonic()
+    with flag_at(now + _PROOF_SHARE * max(deadline_at - now, 0.0)) as until:
+        way = search_lattice(lattice, start, goal, stop=until, joints=joints)
+    if way.outcome is not Outcome.STOPPED or way.cost <= quick.cost:
+        return way
+    return replace(quick, outcome=Outcome.STOPPED, to_go=None)
 
 
 def warm_up() -> None:
@@ -152,11 +181,6 @@ def warm_up() -> None:
             plan_poses(
                 plain, (0.5, 0.5, 0.0), (2.3, 2.3, 1.5), steering=steering, heading_rates=rates, refine=20
             )
-
-
-def _late(began: float) -> str:
-    seconds = time.monotonic() - began
-    return f"The deadline came {seconds:.2g} s after the search began, before any way was found."
 
 
 def _improved(
@@ -187,6 +211,11 @@ def _improved(
     if shorter_cost < cost:
         best, cost = shorter, shorter_cost
         stages.append("shorten")
+    if not space.steering.is_car:
+        rounded, rounded_cost = filleted(best, space, cost, most=way.cost)
+        if rounded.turned < best.turned:
+            best, cost = rounded, rounded_cost
+            stages.append("fillet")
     if refine > 0 and space.steering.is_car and way.to_go is not None:
         found, about = sampling_se2.refine_poses_with_ompl(
             space, best, cost_to_go=way.to_go, samples=refine, deadline_at=deadline_at, seed=seed

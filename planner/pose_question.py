@@ -4,94 +4,80 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
-import numpy as np
-
-from localization import covariance as cov
-from localization.heading_field import HeadingField
-from maps.arrays import FloatArray, IntArray
 from planner.annotate import annotate
 from planner.clock import Clock
 from planner.context import PlanningContext
-from planner.cost_space import CostSpace
-from planner.extras import Extras
+from planner.cost_to_go import known_or, smallest_bound
 from planner.facing import faced
-from planner.footprint import Footprint, fitting_headings
-from planner.lattice import Outcome
+from planner.footprint import Footprint
+from planner.grid_search import Bounds
+from planner.lattice import End, Outcome
 from planner.pose_plan import PosePath, plan_poses
+from planner.pose_rates import BLIND_RATE, N_HEADINGS, Limits, PoseRates
+from planner.pose_reason import why_no_way
+from planner.pose_route import route_of_poses, with_headings
 from planner.pose_timing import MotionLimits, PoseTrajectory, drive
-from planner.problem import PlanningProblem
-from planner.result import PlanResult, PlanStatus, Route, Unmet
-from planner.risk import collision_risk
-from planner.steering import PoseSpace, Steering, heading_rates
+from planner.pose_unmet import measured, unmet_at_poses
+from planner.problem import PlanningProblem, blind_rate_of
+from planner.result import PlanResult, PlanStatus, Route
+from planner.steering import PoseSpace, Steering
 from planner.unmet import round_up
 
-N_HEADINGS = 16
-# Cost per metre without a fix where that is forbidden and cannot be avoided.
-_BLIND_RATE = 1e4
-_ROUNDING = 1e-6
 # Price of a turn that costs nothing, m/rad.
 _LEAST_TURN = 1e-6
+# Shares of the deadline at which searches end: the first, those for smaller bounds, those that look twice.
+_SEARCH_SHARE, _BOUND_SHARE = 0.85, 0.5
+# A smallest bound is known when it lies within this share.
+_CLOSE = 0.02
+# Exact figures that are worse than a search's by this share are looked at twice.
+_DEARER = 1.02
 
 Baseline = Callable[[], Route | None]
 
 
 def plan_with_poses(
-    problem: PlanningProblem,
-    context: PlanningContext,
-    clock: Clock,
-    *,
-    headings: HeadingField | None,
-    baseline: Baseline,
+    problem: PlanningProblem, context: PlanningContext, clock: Clock, *, baseline: Baseline
 ) -> PlanResult:
     """Answer a question in which the robot's heading matters.
 
     Parameters
     ----------
     problem, context
-        The question and the field; its cells are the planning grid.
+        The question and the field; its cells are the planning grid. On a field over headings what a motion
+        costs and keeps is that of the heading in which the robot drives.
     clock
         Of the plan.
-    headings
-        The field over headings, where the sensor depends on them: the cost then is that of the heading in
-        which the robot drives.
     baseline
         Makes the shortest route of a holonomic disc, to compare with.
 
     Returns
     -------
     result
-        ``EXACT``: the cheapest on the lattice of poses, then improved. Bounds that leave no way are dropped
-        all together, and the route is ``RISK_UNMET``. ``NO_PATH`` says in words what is too narrow.
+        ``EXACT``: the cheapest on the lattice of poses, then improved. Where bounds leave no way they are
+        raised by the smallest factor that does, and the route is ``RISK_UNMET``. ``minimax`` searches the
+        shortest way under the smallest bound on r95. ``NO_PATH`` says in words what is too narrow.
     """
-    work = _Work(problem, context, clock, headings)
-    relaxed: tuple[str, ...] = ()
+    work = _Work(problem, context, clock)
     with clock.stage("lattice"):
-        path, space = work.search()
-        if path.outcome is Outcome.NO_WAY and work.bounds and not clock.is_over():
-            relaxed = work.bounds
-            path, space = work.search(bounded=False)
-    if path.curve is None:
-        return _nothing(path, clock)
-    with clock.stage("timing"):
-        motion, _ = drive(path.curve, space, work.limits)
-    with clock.stage("annotate"):
-        route = work.route(motion, path, space)
+        found = work.answer()
+    if found.route is None:
+        return work.nothing(found)
     clock.seconds["to_final_path"] = clock.elapsed
     with clock.stage("shortest"):
         shortest = baseline()
-    unmet = work.unmet(route, relaxed)
-    status = PlanStatus.EXACT if path.is_exact else PlanStatus.APPROXIMATE
+    unmet = unmet_at_poses(problem, found.route, is_relaxed=found.is_relaxed, least=found.least)
+    status = PlanStatus.EXACT if found.path.is_exact and not found.is_open else PlanStatus.APPROXIMATE
     return PlanResult(
         status=PlanStatus.RISK_UNMET if unmet else status,
-        route=route,
+        route=found.route,
         shortest=shortest,
-        grid_cost=path.lattice_cost,
-        planner=path.planner,
+        grid_cost=found.path.lattice_cost,
+        planner=found.path.planner,
         unmet=unmet,
-        warnings=tuple(work.warnings),
-        stats={f"{k}_s": v for k, v in clock.seconds.items()} | {"total_s": clock.elapsed},
+        warnings=tuple(work.said(found)),
+        stats=clock.stats,
     )
 
 
@@ -105,233 +91,262 @@ def plan_facing(problem: PlanningProblem, context: PlanningContext, base: PlanRe
     """
     if base.route is None:
         return base
-    work = _Work(problem, context, Clock(problem.deadline), None)
     weight = problem.effective_weight
     space = context.graph(radius=problem.radius, weight=weight, blind_rate=1.0 + weight).cost_space
     motion = faced(
         base.route.trajectory,
         space,
-        work.limits,
+        _limits(problem),
         start_heading=problem.start_heading,
         goal_heading=problem.goal_heading,
     )
     if motion is None:
         return None
     route = annotate(motion.to_trajectory(), context, space, cost=base.route.summary.cost)
-    return replace(base, route=work.with_headings(route, motion), planner=f"{base.planner}+facing")
+    return replace(base, route=with_headings(route, motion), planner=f"{base.planner}+facing")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Found:
+    """What a search under limits gave: its path, and the route of it, None without one."""
+
+    path: PosePath
+    limits: Limits
+    space: PoseSpace | None = None
+    route: Route | None = None
+    motion: PoseTrajectory | None = None
+    is_relaxed: bool = False
+    #: Factor of the bounds below which it is known that there is no way; 1: as asked.
+    least: float = 1.0
+    #: Whether the time ended before the smallest bound was known.
+    is_open: bool = False
+
+    @property
+    def is_no_way(self) -> bool:
+        return self.path.outcome is Outcome.NO_WAY
 
 
 class _Work:
-    """One question: its space of poses, and the way from a curve to a route."""
+    """One question: its searches, and the way from a curve to a route."""
 
-    def __init__(
-        self, problem: PlanningProblem, context: PlanningContext, clock: Clock, headings: HeadingField | None
-    ) -> None:
-        self.problem, self.context, self.clock, self.headings = problem, context, clock, headings
+    def __init__(self, problem: PlanningProblem, context: PlanningContext, clock: Clock) -> None:
+        self.problem, self.context, self.clock = problem, context, clock
+        self.headings = context.headings
         self.footprint = None if problem.footprint is None else Footprint.of(problem.footprint)
-        self.radius = problem.radius if self.footprint is None else self.footprint.inscribed_radius
-        self.warnings: list[str] = []
-        self.limits = MotionLimits(
-            problem.max_speed, problem.max_accel, problem.turn_rate, problem.max_turn_accel
-        )
+        radius = problem.radius if self.footprint is None else self.footprint.inscribed_radius
+        self.rates = PoseRates(problem, context, self.headings, self.footprint, radius)
         turns = 0.0 if problem.kinematics == "holonomic" else problem.max_speed / problem.turn_rate
         if self.footprint is not None:
             turns = max(turns, _LEAST_TURN)  # turns with a price are checked at the headings between
         stop = problem.max_speed**2 / problem.max_accel
         self.steering = Steering(problem.kinematics, problem.min_turn_radius, turns, stop)
+        self.asked = Bounds(problem.max_r95, problem.max_ellipse95, problem.max_collision_probability)
 
-    @property
-    def bounds(self) -> tuple[str, ...]:
-        """Names of the bounds that are given."""
-        p = self.problem
-        named = {
-            "max_r95_m": p.max_r95,
-            "max_ellipse95_m": p.max_ellipse95,
-            "max_collision_probability": p.max_collision_probability,
-        }
-        given = [name for name, value in named.items() if value is not None]
-        return tuple(given if p.blind_r95 is not None else [*given, "blind"])
+    def answer(self) -> _Found:
+        """The route, under the bounds or as near to them as can be."""
+        found = self._minimax() if self.problem.objective == "minimax" else self._search(Limits(self.asked))
+        if not found.is_no_way or not (self.asked.given() or self.problem.blind_r95 is None):
+            return found
+        if self.clock.is_over(_SEARCH_SHARE):
+            return replace(found, path=_STOPPED)
+        return self._relaxed(found)
 
-    def search(self, *, bounded: bool = True) -> tuple[PosePath, PoseSpace]:
-        """The way, under the bounds or without them; with an outline, first with room for half a cell."""
+    def said(self, found: _Found) -> list[str]:
+        """What there is to say about a route."""
+        assert found.route is not None
+        out, least = [], found.route.summary.min_clearance
+        if self.footprint is not None and least < 0:
+            assert found.motion is not None
+            clearance = self.footprint.clearance(self.context.clearance, found.motion.poses)
+            place = found.motion.poses[int(clearance.argmin())]
+            out.append(
+                f"The outline's covering discs come {round_up(-least)} m too close to an obstacle at "
+                f"({place[0]:.2f}, {place[1]:.2f}) m; a field on smaller cells finds a way with room."
+            )
+        if found.is_open:
+            out.append(
+                f"The deadline of {self.problem.deadline:g} s came before the smallest possible bound was "
+                "known; allow more time."
+            )
+        return out
+
+    def nothing(self, found: _Found) -> PlanResult:
+        """The answer where there is no route."""
+        p, late = self.problem, not found.is_no_way
+        if late or found.space is None:
+            said = f"The deadline of {p.deadline:g} s came before any way was found; allow more time."
+        else:
+            ends = End(*p.start, p.start_heading), End(*p.goal, p.goal_heading)
+            with self.clock.stop_flag() as stop:
+                said = why_no_way(found.space, *ends, stop=stop)
+        status = PlanStatus.TIMEOUT if late else PlanStatus.NO_PATH
+        return PlanResult(status, None, None, None, "lattice", warnings=(said,), stats=self.clock.stats)
+
+    def _search(self, limits: Limits) -> _Found:
+        """The way under limits; on a field over headings a second, more careful one where it pays."""
+        found = self._attempt(limits, is_careful=False)
+        if self.headings is None or found.route is None or self.clock.is_over(_BOUND_SHARE):
+            return found
+        summary = found.route.summary
+        closed = limits.blind_rate(self.problem) is None
+        breaks = (closed and summary.blind > 0) or measured(found.route, limits.bounds) > 1.0
+        if not breaks and summary.cost <= _DEARER * found.path.cost:
+            return found
+        other = self._attempt(limits, is_careful=True)
+        if other.route is None:
+            return found
+
+        def badness(one: _Found) -> tuple[float, float, float]:
+            assert one.route is not None
+            blind = one.route.summary.blind if closed else 0.0
+            return blind, max(measured(one.route, limits.bounds), 1.0), one.route.summary.cost
+
+        return min((found, other), key=badness)
+
+    def _attempt(self, limits: Limits, *, is_careful: bool) -> _Found:
+        """One search on the lattice, with an outline first with room for half a cell."""
         p = self.problem
-        graph_space, rates = self._rates(bounded=bounded)
         margins: tuple[float, ...] = (0.0,)
         if self.footprint is not None:
-            margins = (0.5 * math.sqrt(2.0) * graph_space.frame.resolution, 0.0)
+            margins = (0.5 * math.sqrt(2.0) * self.context.field.frame.resolution, 0.0)
+        path = _STOPPED
         for margin in margins:
-            stack = rates if self.footprint is None else self._fitting(rates, margin)
+            with self.clock.stop_flag() as stop:
+                made = self.rates.under(limits, margin=margin, is_careful=is_careful, stop=stop)
+            if made is None:
+                return _Found(_STOPPED, limits)
+            space, stack = made
             path = plan_poses(
-                graph_space,
+                space,
                 (*p.start, p.start_heading),
                 (*p.goal, p.goal_heading),
                 steering=self.steering,
                 heading_rates=stack if len(stack) > 1 else None,
                 n_headings=N_HEADINGS,
-                deadline_at=self.clock.at(0.7),
+                deadline_at=self.clock.at(_SEARCH_SHARE),
                 seed=p.seed,
                 refine=p.refine,
+                is_explained=False,
             )
-            if path.curve is not None or self.clock.is_over():
+            of_poses = PoseSpace(space, stack, self.steering)
+            if path.curve is not None:
+                return self._routed(path, of_poses, limits)
+            if self.clock.is_over(_SEARCH_SHARE):
                 break
-        return path, PoseSpace(graph_space, stack, self.steering)
+        return _Found(path, limits, of_poses)
 
-    def _rates(self, *, bounded: bool) -> tuple[CostSpace, FloatArray]:
-        p, weight = self.problem, self.problem.effective_weight
-        blind = None if p.blind_r95 is None else 1.0 + weight * p.blind_r95
-        extras: Extras = p.extras
-        max_r95 = p.max_r95
-        if not bounded:
-            max_r95, extras, blind = None, extras.without_bounds(), _BLIND_RATE if blind is None else blind
-        if self.headings is None:
-            graph = self.context.graph(
-                radius=self.radius, weight=weight, max_r95=max_r95, blind_rate=blind, extras=extras
-            )
-            return graph.cost_space, graph.cost_space.rate[None]
-        if extras.max_ellipse95 is not None or extras.max_probability is not None:
-            self.warnings.append(
-                "On a field over headings, bounds on the ellipse and on collisions are judged at the best "
-                "heading of each cell."
-            )
-        free = self.context.graph(radius=self.radius, weight=0.0, blind_rate=1.0, extras=extras).cost_space
-        stack = np.array(heading_rates(self.headings, weight=weight, max_r95=max_r95, blind_rate=blind))
-        stack[:, ~np.isfinite(free.rate)] = np.inf
-        stack *= np.where(np.isfinite(free.rate), free.rate, 1.0)
-        least = stack.min(axis=0)
-        passable = free.passable & np.isfinite(least)
-        return replace(free, rate=least, passable=passable, weight=weight), stack
-
-    def _fitting(self, rates: FloatArray, margin: float) -> FloatArray:
-        """The rates, inf where the outline does not fit a cell at a heading."""
-        assert self.footprint is not None
-        discs = self.footprint.discs + np.array([0.0, 0.0, margin])
-        grown = Footprint(self.footprint.corners, discs)
-        count = max(len(rates), N_HEADINGS)
-        angles = 2 * math.pi / count * np.arange(count)
-        frame = self.context.field.frame
-        fits = fitting_headings(
-            grown, self.context.clearance, frame, self.context.centre_clearance - margin, angles
-        )
-        stack = rates if len(rates) == count else np.repeat(rates, count, axis=0)
-        return np.where(fits, stack, np.inf)
-
-    def route(self, motion: PoseTrajectory, path: PosePath, space: PoseSpace) -> Route:
-        """The motion with what is known along it; headings are the robot's own."""
-        trajectory = motion.to_trajectory()
-        route = annotate(trajectory, self.context, space.cost_space, cost=path.cost)
-        route = self.with_headings(route, motion)
-        arc, at = _stations(route, motion)
-        if self.footprint is not None:
-            clearance = self.footprint.clearance(self.context.clearance, motion.poses)
-            least = float(clearance.min())
-            if least < 0:
-                place = motion.poses[int(np.argmin(clearance))]
-                self.warnings.append(
-                    f"The outline's covering discs come {round_up(-least)} m too close to an obstacle at "
-                    f"({place[0]:.2f}, {place[1]:.2f}) m; a field on smaller cells finds a way with room."
-                )
-            told = replace(route.path, clearance=clearance[at])
-            summary = replace(route.summary, min_clearance=least)
-            route = replace(route, path=told, summary=summary)
-        return route if self.headings is None else self._at_headings(route, motion, arc)
-
-    def with_headings(self, route: Route, motion: PoseTrajectory) -> Route:
-        """The route with the robot's own headings."""
-        _, at = _stations(route, motion)
-        return replace(route, path=replace(route.path, heading=motion.poses[at, 2]))
-
-    def _at_headings(self, route: Route, motion: PoseTrajectory, arc: FloatArray) -> Route:
-        """Covariances of the robot's heading at each place, and figures of them."""
-        assert self.headings is not None
-        fields = [one.trusted() for one in self.headings.slices]
-        frame, count = self.headings.frame, len(fields)
-
-        def which(headings: FloatArray) -> IntArray:
-            return np.asarray(np.round(headings / (2 * math.pi) * count).astype(np.int64) % count)
-
-        def at(poses: FloatArray) -> tuple[FloatArray, IntArray, FloatArray]:
-            cells = frame.cell_at(poses[:, :2])
-            rows = np.clip(cells[:, 0], 0, frame.n_rows - 1)
-            cols = np.clip(cells[:, 1], 0, frame.n_cols - 1)
-            k = which(poses[:, 2])
-            covariance = np.array([fields[i].covariance[r, c] for i, r, c in zip(k, rows, cols, strict=True)])
-            triplet = np.array([fields[i].triplet[r, c] for i, r, c in zip(k, rows, cols, strict=True)])
-            pan = np.array([fields[i].pan[r, c] for i, r, c in zip(k, rows, cols, strict=True)])
-            return covariance.reshape(-1, 3), triplet.reshape(-1, 3), pan
-
-        path = route.path
-        poses = np.column_stack([path.points, path.heading])
-        covariance, triplet, pan = at(poses)
-        risk = collision_risk(self.context.clearance, path.points, covariance, self.radius)
-        told = replace(
+    def _routed(self, path: PosePath, space: PoseSpace, limits: Limits) -> _Found:
+        assert path.curve is not None
+        motion, _ = drive(path.curve, space, _limits(self.problem))
+        route = route_of_poses(
+            motion,
             path,
-            covariance=covariance,
-            r95=cov.r95(covariance),
-            triplet=triplet,
-            pan=pan,
-            collision_probability=risk.tight,
-            collision_bound=risk.rigorous,
+            space,
+            problem=self.problem,
+            context=self.context,
+            footprint=self.footprint,
+            blind_rate=limits.blind_rate(self.problem) or BLIND_RATE,
         )
-        every, _, _ = at(np.asarray(motion.poses))
-        r95 = cov.r95(every)
-        share = np.diff(arc, prepend=0.0)
-        known = np.isfinite(r95)
-        driven = float(share[known].sum())
-        worst = int(np.argmax(np.where(known, r95, -1.0)))
-        some = bool(known.any())
-        mean = None
-        if some:
-            mean = float(r95[known] @ share[known]) / driven if driven > 0 else float(r95[worst])
-        summary = replace(
-            route.summary,
-            mean_r95=mean,
-            max_r95=float(r95[worst]) if some else None,
-            max_area95=float(cov.area95(every[known]).max()) if some else None,
-            max_ellipse95=float(cov.ellipse95(every[known])[:, 0].max()) if some else None,
-            worst_at=float(arc[worst]) if some else None,
-            blind=float(share[~known].sum()),
-            max_collision_probability=float(np.nanmax(risk.tight)) if np.isfinite(risk.tight).any() else None,
-            max_collision_bound=float(np.nanmax(risk.rigorous)) if np.isfinite(risk.rigorous).any() else None,
+        return _Found(path, limits, space, route, motion)
+
+    def _minimax(self) -> _Found:
+        """Shortest under the smallest worst r95 that the other bounds leave."""
+        p, others = self.problem, replace(self.asked, max_r95_m=None)
+        found = self._search(Limits(others))
+        if found.route is None:
+            return found
+
+        def under(bound: float) -> _Found:
+            return self._search(Limits(replace(others, max_r95_m=bound)))
+
+        def value(one: _Found) -> float:
+            assert one.route is not None
+            worst = one.route.summary.max_r95 or 0.0
+            return max(worst, p.blind_r95 or 0.0) if one.route.summary.blind > 0 else worst
+
+        low = self._least_of_cells(others)
+        if not low < value(found):
+            return found
+        best = under(low)
+        if best.route is None:
+            best = self._narrowed(under, value, low, found)
+        missed = p.max_r95 is not None and value(best) > p.max_r95
+        return replace(best, is_relaxed=missed)
+
+    def _least_of_cells(self, others: Bounds) -> float:
+        """A worst r95 below which no way of any robot leads, m."""
+        p, context = self.problem, self.context
+        graph = context.graph(
+            radius=self.rates.radius,
+            weight=0.0,
+            blind_rate=blind_rate_of(0.0, p.blind_r95, others.max_ellipse95_m),
+            extras=p.extras.without_bounds(),
         )
-        return replace(route, path=told, summary=summary)
+        return smallest_bound(graph, known_or(context.r95, p.blind_r95), p.start, p.goal)
 
-    def unmet(self, route: Route, relaxed: tuple[str, ...]) -> tuple[Unmet, ...]:
-        """Bounds that had to be dropped and that the route does not keep."""
-        p, s = self.problem, route.summary
-        reached = {
-            "max_r95_m": (p.max_r95, s.max_r95),
-            "max_ellipse95_m": (p.max_ellipse95, s.max_ellipse95),
-            "max_collision_probability": (p.max_collision_probability, s.max_collision_probability),
-            "blind": (0.0, s.blind),
-        }
-        places, out = route.path, []
-        for name in self.bounds:
-            limit, value = reached[name]
-            if limit is None or value is None or value <= limit * (1 + _ROUNDING) + _ROUNDING:
-                continue
-            if name == "blind" and not relaxed:
-                continue
-            measure = np.isnan(places.r95) if name == "blind" else np.nan_to_num(places.r95, nan=-1.0)
-            x, y = places.points[int(np.argmax(measure))]
-            message = (
-                f"No way for this robot keeps {name} at {limit:g}; the route returned, the cheapest without "
-                f"bounds, reaches {round_up(value)}, worst at ({x:.2f}, {y:.2f}) m."
-            )
-            out.append(Unmet(name, limit, value, (float(x), float(y)), None, message))
-        return tuple(out)
+    def _narrowed(
+        self,
+        search: Callable[[float], _Found],
+        value: Callable[[_Found], float],
+        low: float,
+        found: _Found,
+    ) -> _Found:
+        """The route of the smallest parameter of a search; ``found`` is one of a larger one."""
+        high, best = value(found), found
+        while high > low * (1 + _CLOSE):
+            if self.clock.is_over(_BOUND_SHARE):
+                return replace(best, is_open=True, least=low)
+            middle = math.sqrt(low * high)
+            other = search(middle)
+            if other.route is not None:
+                best, high = other, min(middle, value(other))
+            elif other.is_no_way:
+                low = middle
+            else:
+                return replace(best, is_open=True, least=low)
+        return replace(best, least=low)
+
+    def _relaxed(self, nothing: _Found) -> _Found:
+        """With bounds raised by the smallest common factor; without a fix only where that is no help."""
+        last = nothing
+        for forced in (False, True) if self.problem.blind_r95 is None else (False,):
+            if forced:
+                last = self._search(Limits(self.asked, is_blind_forced=True))
+            if last.route is None and last.is_no_way and self.asked.given():
+                last = self._raised(is_blind_forced=forced)
+            if last.route is not None or not last.is_no_way:
+                break
+        return replace(last, is_relaxed=last.route is not None)
+
+    def _raised(self, *, is_blind_forced: bool) -> _Found:
+        """With bounds raised as little as can be; without a way where none is left without bounds."""
+        loose = self._search(Limits(Bounds(None, None, None), is_blind_forced=is_blind_forced))
+        if loose.route is None:
+            return loose
+
+        def under(factor: float) -> _Found:
+            return self._search(Limits(_scaled(self.asked, factor), is_blind_forced=is_blind_forced))
+
+        def value(one: _Found) -> float:
+            assert one.route is not None
+            return max(measured(one.route, self.asked), 1.0)
+
+        return self._narrowed(under, value, 1.0, loose)
 
 
-def _stations(route: Route, motion: PoseTrajectory) -> tuple[FloatArray, IntArray]:
-    """Arc lengths of the motion's samples, and the sample at each waypoint of the route."""
-    steps = np.hypot(*np.diff(motion.poses[:, :2], axis=0).T)
-    arc = np.concatenate([[0.0], np.cumsum(steps)])
-    at = np.clip(np.searchsorted(arc, route.path.s - 1e-9), 0, len(arc) - 1)
-    at[-1] = len(arc) - 1  # after the last turn in place
-    return arc, at
+def _scaled(bounds: Bounds, factor: float) -> Bounds:
+    def times(value: float | None, most: float = math.inf) -> float | None:
+        return None if value is None else min(factor * value, most)
+
+    return Bounds(
+        times(bounds.max_r95_m),
+        times(bounds.max_ellipse95_m),
+        times(bounds.max_collision_probability, 1.0 - 1e-9),
+    )
 
 
-def _nothing(path: PosePath, clock: Clock) -> PlanResult:
-    status = PlanStatus.TIMEOUT if path.outcome is Outcome.STOPPED else PlanStatus.NO_PATH
-    stats = {f"{k}_s": v for k, v in clock.seconds.items()} | {"total_s": clock.elapsed}
-    said = path.reason or "There is no way for this robot."
-    return PlanResult(status, None, None, None, path.planner, warnings=(said,), stats=stats)
+def _limits(problem: PlanningProblem) -> MotionLimits:
+    return MotionLimits(problem.max_speed, problem.max_accel, problem.turn_rate, problem.max_turn_accel)
+
+
+_STOPPED = PosePath(Outcome.STOPPED, None, None, math.inf, math.inf, False, "lattice")

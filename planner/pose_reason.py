@@ -41,12 +41,19 @@ def why_no_way(
     plain = space.cost_space
     graph = GridGraph.from_cost_space(replace(plain, rate=np.min(space.rates, axis=0)))
     _, points = graph.costs_to((goal.x, goal.y), stop=stop).path_from((start.x, start.y))
+    if stop[0] != 0:
+        return "There is no way for this robot."
     if points is None:
         return f"Start and goal are not connected for a robot of radius {plain.radius:g} m."
     steering = space.steering
-    if not steering.is_car:
-        return "There is a way, but not one on which the robot may drive with its heading; loosen the bounds."
     points, _ = shorten(points, graph.cost_space)
+    if not steering.is_car:
+        place, room = _tightest(points, space)
+        return (
+            f"A disc of {plain.radius:g} m has a way, the robot with its heading has none: its outline does "
+            "not fit, or a bound forbids the heading. That disc's way is tightest at "
+            f"({place[0]:.1f}, {place[1]:.1f}) m, with {room:.2f} m to the nearest wall."
+        )
     said = f"No way with arcs of {steering.min_turn_radius:g} m radius leads from pose to pose"
     place, room = _tightest(points, space)
     said += (

@@ -9,7 +9,6 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from localization.heading_field import HeadingField
 from maps.arrays import FloatArray, IntArray, frozen
 from maps.se2 import wrap
 from planner.cost_space import CostArrays, CostSpace
@@ -295,37 +294,3 @@ def shortest_curve(start: npt.ArrayLike, goal: npt.ArrayLike, steering: Steering
     parts = np.zeros((5, 3))
     n, _ = kernel.steer(steering.kind, a, b, steering.min_turn_radius, parts)
     return PoseCurve(a, parts[:n])
-
-
-def heading_rates(
-    field: HeadingField,
-    *,
-    weight: float,
-    max_r95: float | None = None,
-    blind_rate: float | None = None,
-) -> FloatArray:
-    """Cost per metre of a field over headings.
-
-    Parameters
-    ----------
-    field
-        One slice per heading of the robot.
-    weight, max_r95, blind_rate
-        As for :func:`planner.cost_space.cost_space_for`.
-
-    Returns
-    -------
-    rates
-        Shape (H, ny, nx), 1/m; inf where the robot must not drive with that heading.
-    """
-    out = np.empty((len(field), *field.frame.shape))
-    for rate, one in zip(out, field.slices, strict=True):
-        r95 = one.trusted().r95
-        rate[:] = 1.0 + weight * r95
-        if max_r95 is not None:
-            with np.errstate(invalid="ignore"):
-                rate[r95 > max_r95] = np.inf
-        rate[np.isnan(r95)] = np.inf if blind_rate is None else blind_rate
-        rate[~one.free] = np.inf
-    out.flags.writeable = False
-    return out

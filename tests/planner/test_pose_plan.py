@@ -11,11 +11,12 @@ import pytest
 
 from localization.field_builder import build_heading_field
 from localization.sensors import FORWARD_CAMERA
+from planner import pose_plan
 from planner.errors import InvalidProblem
 from planner.lattice import Outcome
 from planner.pose_plan import plan_poses, warm_up
 from planner.pose_shorten import chain, shorten_poses
-from planner.steering import PoseCurve, PoseSpace, Steering, heading_rates, shortest_curve
+from planner.steering import PoseCurve, PoseSpace, Steering, shortest_curve
 from tests.paths import space_of
 from tests.worlds import place_in_ascii, world_from_ascii
 
@@ -86,6 +87,20 @@ def test_never_dearer_than_the_lattice_and_exact_at_the_ends(hall, name, refine)
     # Straight ahead is a lower bound.
     assert path.length >= math.hypot(13.4, 0.1)
     assert path.to_go is not None
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_on_many_cells_a_quick_way_stands_where_the_time_ends(hall, name, monkeypatch):
+    exact = plan_poses(hall, *ENDS, steering=ROBOTS[name])
+    monkeypatch.setattr(pose_plan, "_MANY_CELLS", 1)
+    both = plan_poses(hall, *ENDS, steering=ROBOTS[name], deadline_at=time.monotonic() + 60)
+    assert both.is_exact
+    assert both.cost == pytest.approx(exact.cost, rel=1e-9)
+    monkeypatch.setattr(pose_plan, "_PROOF_SHARE", 0.0)
+    quick = plan_poses(hall, *ENDS, steering=ROBOTS[name], deadline_at=time.monotonic() + 60)
+    assert not quick.is_exact
+    assert exact.lattice_cost * (1 - 1e-9) <= quick.lattice_cost <= 1.1 * exact.lattice_cost
+    assert PoseSpace(hall, hall.rate[None], ROBOTS[name]).cost(quick.curve) == quick.cost
 
 
 @pytest.mark.parametrize("name", ["dubins", "reeds_shepp"])
@@ -209,7 +224,9 @@ def test_a_camera_that_looks_ahead_prefers_to_face_landmarks():
     camera = replace(FORWARD_CAMERA, field_of_view=1.6)
     field = build_heading_field(world, camera, resolution=0.5, headings=8)
     weight = 4.0
-    rates = heading_rates(field, weight=weight, blind_rate=1.0 + weight * 0.5)
+    r95 = np.array([one.r95 for one in field.trusted().slices])
+    rates = 1.0 + weight * np.where(np.isnan(r95), 0.5, r95)
+    rates[:, ~field.free] = np.inf
     space = space_of(world, lambda x, y: 0.1 + 0.0 * x, resolution=0.5, radius=0.2)
     south = plan_poses(
         space, (1.5, 4.0, None), (8.5, 1.5, None), steering=Steering("holonomic"), heading_rates=rates
