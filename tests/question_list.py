@@ -11,7 +11,7 @@ FIELDS = {
     "camera.zarr": "surepath field warehouse --sensor mas97 -o camera.zarr",
     "room.zarr": "surepath field mas97_room --sensor laser -o room.zarr",
     "room_camera.zarr": "surepath field mas97_room --sensor mas97 -o room_camera.zarr",
-    "room_forward.zarr": "surepath field mas97_room --sensor forward --headings 16 -o room_forward.zarr",
+    "room_forward.zarr": "surepath field mas97_room --sensor forward --headings 36 -o room_forward.zarr",
 }
 
 
