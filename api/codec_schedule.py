@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from planner.landmark_schedule import LandmarkPlan, Stretch
+    from planner.stretches import LandmarkPlan, Stretch
 
 _DIGITS = 9
 

@@ -1097,3 +1097,59 @@ def turning_time(kappa, step, max_speed, accel, max_turn_rate, alpha, levels):
                     after[q] = min(after.get(q, math.inf), t + 2 * ds / speeds)
         best = after
     return best[0]
+
+
+# --- landmark schedule ---
+
+
+def cheapest_looks(cost, blind, pan, halves, times, borders, switch, rate, *, is_endless):
+    """Least cost of a schedule: every sequence of triplets and of none, one after the other."""
+    n, m = cost.shape
+    best = math.inf
+    for way in itertools.product([*range(m), None], repeat=n):
+        if not all(c is None or cost[k, c] < math.inf for k, c in enumerate(way)):
+            continue
+        looks = [(k, c) for k, c in enumerate(way) if c is not None]
+        seen = np.array([[0.0, 0.0] if c is None else [1.0, 1.0] for c in way])
+        total = 0.0
+        for (k, a), (j, c) in itertools.pairwise(looks):
+            turn = 0.0 if math.isnan(pan[k, a]) else abs(pan[j, c] - pan[k, a])
+            if is_endless:
+                turn = min(turn % (2 * math.pi), -turn % (2 * math.pi))
+            total += switch if a != c else 0.0
+            if turn / rate > (times[j] - times[k]) * (1 + 1e-12):
+                total = math.inf  # not there in time
+            elif a != c or j > k + 1:
+                # What the cells between leave is turned in the half cells at both sides, in equal shares.
+                there = (borders[k + 1] - times[k]) + (times[j] - borders[j])
+                share = max(0.0, turn / rate - (borders[j] - borders[k + 1])) / there
+                seen[k, 1] -= share
+                seen[j, 0] -= share
+        for k, c in enumerate(way):
+            for side in (0, 1):
+                own = blind[k] if c is None else cost[k, c]
+                if halves[k, side] > 0:
+                    total += halves[k, side] * (seen[k, side] * own + (1 - seen[k, side]) * blind[k])
+        best = min(best, total)
+    return best
+
+
+def nearest_following(pan, slack, seconds, rate, step):
+    """Least sum of how far a head is off its angles ``pan`` (K,) while all is in view; inf: it cannot follow.
+
+    All sequences of angles on a grid of ``step``; ``slack`` (K, 2), ``seconds`` (K - 1,) between.
+    """
+    n = len(pan)
+    grid = [
+        np.arange(math.ceil((p + a) / step - 1e-6), math.floor((p + b) / step + 1e-6) + 1)
+        for p, (a, b) in zip(pan, slack, strict=True)
+    ]
+    least = {int(g): abs(g * step - pan[0]) for g in grid[0]}
+    for k in range(1, n):
+        reach = rate * seconds[k - 1] / step + 1e-9
+        least = {
+            int(g): abs(g * step - pan[k])
+            + min((v for q, v in least.items() if abs(q - g) <= reach), default=math.inf)
+            for g in grid[k]
+        }
+    return min(least.values(), default=math.inf)

@@ -13,7 +13,6 @@ from localization.sensors import FORWARD_CAMERA, LASER, MAS97_CAMERA, Mount
 from localization.triplets import best_triplet
 from maps.io.site import bundled_site
 from planner.errors import InvalidProblem
-from planner.kernels.landmark_schedule import schedule
 from planner.landmark_schedule import schedule_landmarks, stations_of
 from planner.timing import time_polyline
 from tests.worlds import world_from_ascii
@@ -29,36 +28,6 @@ def drive():
     return time_polyline(
         np.array([[6.2, 18.0], [6.2, 10.0], [30.0, 10.0], [54.0, 10.0]]), max_speed=1.2, max_accel=0.8
     )
-
-
-def cheapest(cost, pan, lengths, seconds, switch, blind, rate):
-    """Every sequence of triplets, one after the other."""
-    n, m = cost.shape
-    best = math.inf
-    for way in itertools.product(range(m + 1), repeat=n):
-        total = 0.0
-        for k, c in enumerate(way):
-            total += (blind if c == m else cost[k, c]) * lengths[k]
-            if k and c != way[k - 1]:
-                total += switch
-                a = way[k - 1]
-                if c < m and not math.isnan(pan[k, c]):
-                    turn = abs(math.remainder(pan[k, c] - pan[k - 1, a], 2 * math.pi)) if a < m else math.pi
-                    total += max(0.0, turn / rate - seconds[k]) * lengths[k] / seconds[k] * blind
-        best = min(best, total)
-    return best
-
-
-def test_the_choice_is_the_cheapest(rng):
-    for _ in range(20):
-        n, m = 5, 3
-        cost = rng.uniform(0.01, 0.5, (n, m))
-        cost[rng.random((n, m)) < 0.3] = np.inf
-        pan = np.where(np.isfinite(cost), rng.uniform(-3, 3, (n, m)), np.nan)
-        lengths, seconds = rng.uniform(0.1, 0.3, n), rng.uniform(0.1, 0.3, n)
-        choice = np.empty(n, dtype=np.int64)
-        args = (cost, pan, lengths, seconds, 0.01, 0.4, 2.0)
-        assert schedule(*args, choice) == pytest.approx(cheapest(*args), rel=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -91,29 +60,147 @@ def test_inertia_brings_fewer_switches_at_little_cost(warehouse, drive):
         assert -1e-9 <= loss <= switch * (nervous.n_switches - plan.n_switches) + 1e-9
 
 
-def test_stretches_cover_the_path(warehouse, drive):
-    plan = schedule_landmarks(warehouse, MAS97_CAMERA, drive, pan_rate=1.0)
+@pytest.fixture(scope="module")
+def room():
+    """MAS97's room, a curve through it, and what a head of 30 °/s looks at."""
+    world = bundled_site("mas97_room")
+    line = time_polyline(
+        np.array([[5.0, 1.0], [4.7, 3.0], [7.0, 5.5], [10.0, 8.0], [11.8, 11.0], [11.0, 14.0]]),
+        max_speed=1.0,
+        max_accel=0.8,
+    )
+    return world, line, schedule_landmarks(world, MAS97_CAMERA, line, pan_rate=math.radians(30))
+
+
+def pan_at(plan):
+    """Times and angles (unwrapped) of the head, without those at which it stands."""
+    rows = [point for stretch in plan.stretches for point in stretch.pan]
+    t, pan = np.array(rows).T
+    return t, np.unwrap(pan)
+
+
+@pytest.mark.parametrize("rate", [0.15, math.radians(30), 1.5, 6.0])
+def test_the_head_never_turns_faster_than_it_can(room, rate):
+    world, line, _ = room
+    plan = schedule_landmarks(world, MAS97_CAMERA, line, pan_rate=rate)
+    t, pan = pan_at(plan)
+    seconds, turns = np.diff(t), np.abs(np.diff(pan))
+    assert (seconds >= -1e-9).all()
+    assert (turns <= rate * np.maximum(seconds, 0) + 1e-6).all()
+    assert turns.sum() > 0.3
+
+
+@pytest.mark.parametrize("sensor", [MAS97_CAMERA, replace(MAS97_CAMERA, pan_min=-2.0, pan_max=2.5)])
+def test_stretches_cover_the_path(room, sensor):
+    world, line, _ = room
+    plan = schedule_landmarks(world, sensor, line, pan_rate=0.6)
     assert plan.stretches[0].start == 0.0
     assert plan.stretches[-1].end == pytest.approx(plan.s[-1])
+    assert len(plan.fixes) > 3
     for a, b in itertools.pairwise(plan.stretches):
-        assert a.end == b.start
-        assert a.t_end == b.t_start
-        assert a.triplet != b.triplet
-    fixes = [x for x in plan.stretches if x.triplet is not None]
-    assert fixes
-    for stretch in fixes:
-        assert 0 < stretch.mean_r95 <= stretch.max_r95
-        assert -math.pi <= stretch.pan_start < math.pi
-        assert stretch.usable_after >= 0
-        if stretch.late_r95 is not None:
-            assert stretch.usable_after > 0
-        if stretch.turn_from is not None:
-            assert stretch.turn_from <= stretch.t_start
+        assert a.end == pytest.approx(b.start, abs=1e-9)
+        assert a.t_end == pytest.approx(b.t_start, abs=1e-9)
+        assert (a.kind, a.triplet) != (b.kind, b.triplet)
+        assert a.pan_end == pytest.approx(b.pan_start, abs=1e-9), "the head keeps its angle"
+    for stretch in plan.stretches:
+        assert stretch.t_end > stretch.t_start
+        assert (stretch.triplet is None) == (stretch.kind != "fix")
+        assert (stretch.max_r95 is None) == (stretch.kind != "fix")
+        if stretch.kind == "fix":
+            assert 0 < stretch.mean_r95 <= stretch.max_r95
+            assert stretch.usable_after >= 0
+    if sensor.pan_max < 3:
+        angles = pan_at(plan)[1]
+        assert (angles >= -2.0 - 1e-9).all()
+        assert (angles <= 2.5 + 1e-9).all()
+
+
+def test_use_ends_when_turning_begins(room):
+    plan = room[2]
+    turns = 0
+    for before, now in itertools.pairwise(plan.fixes):
+        between = [x for x in plan.stretches if before.t_end - 1e-9 <= x.t_start < now.t_start - 1e-9]
+        turning = [x for x in between if x.kind == "turning"]
+        if turning:
+            turns += 1
+            assert turning[0].t_start == pytest.approx(before.t_end), "before anything is waited for"
+        assert before.t_end <= now.turn_from + 1e-6, "it may turn as soon as the last use ends"
+        assert now.turn_from <= now.t_start
+    assert plan.fixes[0].turn_from is None
+    assert turns > 2
+
+
+def test_figures_are_of_what_is_seen(room):
+    world, line, plan = room
+    fixes = [x for x in plan.stretches if x.kind == "fix"]
+    without = [x for x in plan.stretches if x.kind != "fix"]
+    assert plan.blind == pytest.approx(sum(x.end - x.start for x in without))
+    assert plan.blind + sum(x.end - x.start for x in fixes) == pytest.approx(plan.s[-1])
+    assert plan.blind_seconds == pytest.approx(sum(x.t_end - x.t_start for x in without))
+    assert 0 < plan.turning <= plan.blind
+    assert 0 < plan.turning_seconds <= plan.blind_seconds
+    assert plan.max_r95 == max(x.max_r95 for x in fixes) == np.nanmax(plan.r95)
+    assert plan.max_r95 > plan.mean_r95 > np.nanmin(plan.r95)
+    assert plan.unavoidable <= plan.blind + 1e-9
+    # A head that turns at once sees wherever something can be seen.
+    quick = schedule_landmarks(world, MAS97_CAMERA, line)
+    assert quick.blind == pytest.approx(quick.unavoidable)
+    assert quick.turning == 0.0
+    assert quick.unavoidable < plan.blind
+
+
+def test_it_turns_while_nothing_can_be_seen():
+    world = world_from_ascii(
+        """
+        #########################################
+        #...............#########...............#
+        A...............#########...............D
+        B...............#########...............E
+        C...............#########...............F
+        #...............#########...............#
+        #.......................................#
+        #.......................................#
+        #########################################
+        """.replace("        ", ""),
+    )
+    line = time_polyline(np.array([[3.0, 0.75], [17.0, 0.75]]), max_speed=1.0, max_accel=1.0)
+    camera = replace(MAS97_CAMERA, max_range=7.0)
+    quick = schedule_landmarks(world, camera, line)
+    blind = [gap for gap in quick.gaps if gap.start > 0.5 and gap.end < 13.5]
+    assert len(blind) == 1
+    seconds = blind[0].t_end - blind[0].t_start
+    first, second = quick.fixes[0], quick.fixes[-1]
+    turn = abs(math.remainder(second.pan_start - first.pan_end, 2 * math.pi))
+    assert turn > 2.0
+    enough = schedule_landmarks(world, camera, line, pan_rate=1.01 * turn / seconds)
+    assert enough.blind == pytest.approx(quick.blind, abs=0.05)
+    assert [x.kind for x in enough.stretches if x.start > 0.5][:3][-2:] != ["fix", "fix"]
+    slow = schedule_landmarks(world, camera, line, pan_rate=0.75 * turn / seconds)
+    assert slow.blind > quick.blind + 1.0
+    assert slow.fixes[-1].triplet == second.triplet, "it gets there, if later"
+
+
+def test_a_second_late(room):
+    world, line, plan = room
+    for now, after in itertools.pairwise(plan.fixes):
+        assert now.late_blind is not None
+        assert 0 <= now.late_blind <= 1.2 + 1e-9
+        slack = after.turn_from - now.t_end
+        if slack >= 1.0:
+            assert now.late_blind <= 1e-6
+        if now.late_r95 is not None:
+            assert now.usable_after > 0
+    assert plan.fixes[-1].late_blind is None
+    laser = schedule_landmarks(world, LASER, line)
+    assert all(x.late_blind == 0 for x in laser.fixes[:-1] if x.late_r95 is not None)
+    assert any(x.late_r95 for x in laser.fixes)
+    assert any(x.late_blind for x in plan.fixes)
 
 
 def test_a_slow_pan_head_switches_less(warehouse, drive):
     fast = schedule_landmarks(warehouse, MAS97_CAMERA, drive, switch_cost=0.0)
     slow = schedule_landmarks(warehouse, MAS97_CAMERA, drive, switch_cost=0.0, pan_rate=0.2)
+    assert slow.n_switches > 0
     assert slow.n_switches < fast.n_switches
 
 
