@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from shapely import Polygon
 
-from api.codec_schedule import schedule_to_json
+from api.codec_schedule import schedule_figures, schedule_to_json
 from api.questions import NOTHING_MORE, Found, FrontPlace, ListedRoute, More
 from localization import covariance as cov
 from localization.heading_field import HeadingField
@@ -197,6 +197,7 @@ def _listed(listed: ListedRoute, names: Sequence[str]) -> dict[str, Any]:
         "share": number(listed.share),
         "front": None if listed.front is None else _front_place(listed.front),
         "schedule": None if schedule is None else schedule_to_json(schedule, names),
+        "schedule_figures": None if schedule is None else schedule_figures(schedule),
     }
 
 

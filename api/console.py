@@ -28,6 +28,10 @@ _ROWS: list[tuple[str, int, Callable[[dict[str, Any]], float | None]]] = [
     ("without a fix [m]", 2, lambda r: r["uncertainty"]["blind_m"]),
     ("least clearance [m]", 3, lambda r: r["min_clearance_m"]),
 ]
+# Stretches without a fix.
+_TOLD = {"turning": "turning", "blind": "none"}
+# Less is nothing, m.
+_SEEN_M = 0.05
 
 
 def progress_bar() -> Progress:
@@ -155,22 +159,49 @@ def _of_list(route: dict[str, Any]) -> str:
 
 def schedule_table(route: dict[str, Any], title: str) -> Table:
     """When to look where along a route."""
-    table = Table(title=title, title_justify="left")
-    for name in ("m", "s", "landmarks", "pan", "worst r95", "turn at", "usable", "late"):
-        table.add_column(name, justify="left" if name == "landmarks" else "right")
+    table = Table(title=title, title_justify="left", caption=schedule_words(route), caption_justify="left")
+    for name in ("m", "s", "landmarks", "pan", "r95", "turn by", "1 s late"):
+        table.add_column(name, justify="left" if name == "landmarks" else "right", no_wrap=True)
     for part in route["schedule"]:
-        pan = part["pan_start_rad"]
         table.add_row(
             f"{part['s_start_m']:.1f}–{part['s_end_m']:.1f}",
             _cell(part["t_start_s"], 1),
-            " ".join(part["triplet"]) if part["triplet"] else "none",
-            "–" if pan is None else f"{math.degrees(pan):.0f}°",
-            _cell(part["max_r95_m"], 4),
+            _TOLD.get(part["kind"]) or " ".join(part["triplet"]),
+            _pan(part["pan_start_rad"], part["pan_end_rad"]),
+            _cell(part["max_r95_m"], 3),
             _cell(part["turn_from_s"], 1),
-            f"+{part['usable_after_m']:.1f} m",
-            _cell(part["late_r95_m"], 4),
+            late_words(part),
         )
     return table
+
+
+def schedule_words(route: dict[str, Any]) -> str:
+    """What a schedule comes to."""
+    figures = route["schedule_figures"]
+    turning = ""
+    if figures["turning_s"] > 0:
+        turning = f", {figures['turning_m']:.1f} m ({figures['turning_s']:.1f} s) of it turning"
+    return (
+        f"as scheduled: worst r95 {_cell(figures['max_r95_m'], 3)} m, mean "
+        f"{_cell(figures['mean_r95_m'], 3)} m; "
+        f"without a fix {figures['blind_m']:.1f} m ({figures['blind_s']:.1f} s){turning}"
+    )
+
+
+def _pan(start: float | None, end: float | None) -> str:
+    """Angles at both ends."""
+    if start is None or end is None:
+        return "–"
+    return f"{math.degrees(start):.0f}→{math.degrees(end):.0f}°"
+
+
+def late_words(part: dict[str, Any]) -> str:
+    """What it costs to leave a triplet a second late."""
+    if part["late_blind_m"] is None:
+        return "–"
+    if part["late_blind_m"] >= _SEEN_M:
+        return f"{part['late_blind_m']:.1f} m blind"
+    return "nothing" if part["late_r95_m"] is None else f"r95 {part['late_r95_m']:.3f}"
 
 
 def _cell(value: float | None, digits: int) -> str:

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 from api.questions import AlternativesAsked, Found, FrontAsked, FrontPlace, ListedRoute, More
+from api.schedule_notes import schedule_notes
 from planner import pareto
 from planner import plan as planning
 from planner.alternatives import Alternatives, find_alternatives
 from planner.clock import Clock
 from planner.context import PlanningContext
 from planner.example_context import example_context
-from planner.landmark_schedule import schedule_landmarks
+from planner.landmark_schedule import BLIND_R95, schedule_landmarks
 from planner.pareto import ParetoFront, pareto_front
 from planner.problem import MAX_DEADLINE_S, MIN_DEADLINE_S, PlanningProblem
-from planner.result import PlanResult
+from planner.result import PlanResult, Trajectory
+from planner.stretches import LandmarkPlan
 
 Report = Callable[[Found], None]
 # Part of the deadline in which routes are found when a schedule is asked for.
@@ -56,7 +59,7 @@ def find(
         return found
     if report is not None:
         report(found)
-    return _scheduled(found, context, more.pan_rate, clock)
+    return _scheduled(found, context, problem, more.pan_rate, clock)
 
 
 def _telling(report: Report) -> Callable[[PlanResult], None]:
@@ -117,19 +120,45 @@ def _front(
     return listed(pareto_front(problem, context, against=asked.against, count=asked.count, report=tell))
 
 
-def _scheduled(found: Found, context: PlanningContext, pan_rate: float, clock: Clock) -> Found:
+def _scheduled(
+    found: Found, context: PlanningContext, problem: PlanningProblem, pan_rate: float, clock: Clock
+) -> Found:
     """The same routes with their schedules, as far as the time reaches."""
-    world, sensor = context.field.world, context.field.sensor
     routes: list[ListedRoute] = []
     warnings = list(found.result.warnings)
+    blind_r95 = BLIND_R95 if problem.blind_r95 is None else problem.blind_r95
+    # Bounds on the filter's belief are not bounds on single fixes.
+    max_r95 = problem.max_r95 if problem.covariance == "fix" else None
     for number, listed in enumerate(found.routes, 1):
         if clock.is_over() and number > 1:
             warnings.append(f"The deadline came before the schedule of route {number}.")
             routes.append(listed)
             continue
-        plan = schedule_landmarks(world, sensor, listed.route.trajectory, pan_rate=pan_rate)
+        at_rate = partial(_schedule, context, listed.route.trajectory, blind_r95=blind_r95, pan_rate=pan_rate)
+        plan = at_rate()
+        warnings += schedule_notes(
+            plan,
+            number,
+            blind=listed.route.summary.blind,
+            max_r95=max_r95,
+            max_blind=problem.max_blind_distance,
+            faster=at_rate,
+        )
         routes.append(replace(listed, schedule=plan))
     return Found(replace(found.result, warnings=tuple(warnings)), tuple(routes))
+
+
+def _schedule(
+    context: PlanningContext,
+    trajectory: Trajectory,
+    factor: float = 1.0,
+    *,
+    blind_r95: float,
+    pan_rate: float,
+) -> LandmarkPlan:
+    """With a pan head ``factor`` times as fast."""
+    world, sensor = context.field.world, context.field.sensor
+    return schedule_landmarks(world, sensor, trajectory, pan_rate=factor * pan_rate, blind_r95=blind_r95)
 
 
 def warm_up(more: More | None = None) -> None:

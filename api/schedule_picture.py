@@ -21,13 +21,16 @@ _COLORS: tuple[Color, ...] = (
     (0, 140, 165),
     (135, 85, 20),
 )
-_NONE: Color = (80, 80, 90)
+_NONE: Color = (70, 70, 80)
+_TURNING: Color = (176, 180, 188)
 _GREY: Color = (90, 96, 104)
 _HEADER = 30
-_STRIP = 150
+_STRIP = 176
 _LEFT = 64
 _OVERSAMPLING = 2
 _MARGIN_M = 1.5
+# Less is nothing, m.
+_SEEN_M = 0.05
 
 
 def schedule_png(
@@ -73,8 +76,18 @@ def schedule_png(
     draw = ImageDraw.Draw(image)
     said = title or f"{field.world.name}: which three landmarks to look at, by stretch"
     draw.text((12, 8), said, fill=layers.INK, font=canvas.font(15))
-    _paint_profile(draw, route, colors, (_LEFT, height - _STRIP + 14, width - 24, height - 34))
+    _paint_profile(draw, route, colors, (_LEFT, height - _STRIP + 22, width - 24, height - 54))
     return canvas.encode_png(image)
+
+
+def looks(schedule: list[dict[str, Any]]) -> list[int | None]:
+    """Number of each stretch among those with a fix, from 1; None without."""
+    count = 0
+    out: list[int | None] = []
+    for stretch in schedule:
+        count += stretch["kind"] == "fix"
+        out.append(count if stretch["kind"] == "fix" else None)
+    return out
 
 
 def _colors(schedule: list[dict[str, Any]]) -> list[Color]:
@@ -83,7 +96,7 @@ def _colors(schedule: list[dict[str, Any]]) -> list[Color]:
     out = []
     for stretch in schedule:
         if stretch["triplet"] is None:
-            out.append(_NONE)
+            out.append(_TURNING if stretch["kind"] == "turning" else _NONE)
             continue
         key = tuple(sorted(stretch["triplet"]))
         out.append(known.setdefault(key, _COLORS[len(known) % len(_COLORS)]))
@@ -129,8 +142,9 @@ def _paint_stretches(
         line = _pixels(view, part)
         draw.line(line, fill=(255, 255, 255, 255), width=13, joint="curve")
         draw.line(line, fill=(*color, 255), width=9, joint="curve")
-    for number, (middle, color) in enumerate(zip(middles, colors, strict=True), 1):
-        _disc(draw, _pixels(view, middle[None])[0], str(number), color)
+    for number, middle, color in zip(looks(route["schedule"]), middles, colors, strict=True):
+        if number is not None:
+            _disc(draw, _pixels(view, middle[None])[0], str(number), color)
     for place, letter in ((points[0], "S"), (points[-1], "G")):
         _disc(draw, _pixels(view, place[None])[0], letter, layers.INK)
 
@@ -147,7 +161,7 @@ def _paint_profile(
     colors: list[Color],
     box: tuple[int, int, int, int],
 ) -> None:
-    """Worst r95 of every stretch over the way driven, and what it would be half a metre late."""
+    """Worst r95 of every stretch over the way driven, and what it costs to leave it a second late."""
     left, top, right, bottom = box
     stretches = route["schedule"]
     length: float = max(stretches[-1]["s_end_m"], 1e-9)
@@ -162,18 +176,25 @@ def _paint_profile(
     def y_of(r95: float) -> float:
         return bottom - (bottom - top) * r95 / limit
 
-    for number, (stretch, color) in enumerate(zip(stretches, colors, strict=True), 1):
+    for number, stretch, color in zip(looks(stretches), stretches, colors, strict=True):
         a, b = x_of(stretch["s_start_m"]), x_of(stretch["s_end_m"])
-        worst, late = stretch["max_r95_m"], stretch["late_r95_m"]
-        y = y_of(worst) if worst is not None else top
-        draw.rectangle([a, y, b, bottom], fill=color, outline=(255, 255, 255))
+        worst = stretch["max_r95_m"]
+        if worst is None:
+            draw.rectangle([a, top, max(b, a + 1), bottom], fill=color)
+            continue
+        draw.rectangle([a, y_of(worst), b, bottom], fill=color)
         if b - a > 14:
-            draw.text(
-                (0.5 * (a + b), bottom - 9), str(number), fill="white", font=canvas.font(12), anchor="mm"
-            )
-        if late is not None and number < len(stretches):
-            draw.line([(b, y_of(late)), (b, bottom)], fill=layers.INK, width=1)
-            draw.ellipse([b - 4, y_of(late) - 4, b + 4, y_of(late) + 4], fill=layers.INK)
+            at = (0.5 * (a + b), bottom - 9)
+            draw.text(at, str(number), fill="white", font=canvas.font(12), anchor="mm")
+    for stretch in stretches:
+        x, worst, late = x_of(stretch["s_end_m"]), stretch["max_r95_m"], stretch["late_r95_m"]
+        if (stretch["late_blind_m"] or 0.0) >= _SEEN_M:
+            y = y_of(worst)
+            draw.line([(x - 4, y - 4), (x + 4, y + 4)], fill=layers.INK, width=2)
+            draw.line([(x - 4, y + 4), (x + 4, y - 4)], fill=layers.INK, width=2)
+        elif late is not None:
+            y = y_of(late)
+            draw.ellipse([x - 4, y - 4, x + 4, y + 4], fill=layers.INK)
     draw.line([(left, top), (left, bottom), (right, bottom)], fill=layers.INK)
     for value in layers.ticks(0.0, limit, "linear"):
         draw.text((left - 6, y_of(value)), f"{value:g}", fill=layers.INK, font=canvas.font(11), anchor="rm")
@@ -181,9 +202,12 @@ def _paint_profile(
         x = x_of(min(value, length))
         draw.text((x, bottom + 4), f"{value:g}", fill=layers.INK, font=canvas.font(11), anchor="ma")
     words = (
-        "worst r95 [m] of each stretch over the way driven [m]; dots: if the switch there comes 0.5 m late"
+        "worst r95 [m] of each stretch over the way driven [m]; light grey: the pan head turns, without a "
+        "fix; dark: no fix in reach"
     )
     canvas.write(draw, (left, bottom + 25), words, size=12, fill=_GREY)
+    words = "left a second late: dots have r95 meanwhile; at crosses more of the way is without a fix"
+    canvas.write(draw, (left, bottom + 42), words, size=12, fill=_GREY)
 
 
 def _pixels(view: View, points: FloatArray) -> list[tuple[float, float]]:

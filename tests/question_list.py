@@ -295,8 +295,9 @@ QUESTIONS = (
                 "surepath plan room_camera.zarr --start 2 3 --goal 12 11 --blind-r95 1 --schedule --pan-rate-deg 120 --deadline 10"
             ),
         ),
-        "One colour per triplet, with lines from the middle of its stretch to the three landmarks. The table says when the pan head "
-        "must begin to turn; dots in the profile show r95 if a switch comes half a metre late.",
+        "One colour per triplet, with lines from the middle of its stretch to the three landmarks; grey where the pan head turns and "
+        "there is no fix. The table says by when it must begin to turn, and what it costs to leave a triplet a second late; in the "
+        "profile a dot has r95 meanwhile, and a cross means that more of the way is without a fix.",
     ),
     Question(
         "matrix",

@@ -13,6 +13,8 @@ from pathlib import Path
 from PIL import Image
 
 from api.cli import main as surepath
+from api.console import late_words, schedule_words
+from api.schedule_picture import looks
 from tests.question_list import COLUMNS, FIELDS, QUESTIONS, Command, Question
 
 ROOT = Path(__file__).parents[1]
@@ -123,28 +125,31 @@ def _figures(question: Question, route: dict) -> list[str]:
 
 
 def schedule_table(route: dict) -> str:
-    """The stretches."""
+    """The stretches; those without a fix have no number, as in the picture."""
     head = [
         "",
         "from [m]",
         "to [m]",
+        "from [s]",
         "landmarks",
         "pan [°]",
         "worst r95 [m]",
-        "turn from [s]",
-        "usable [m]",
-        "if late [m]",
+        "turn by [s]",
+        "1 s late",
     ]
     rows = []
-    for k, part in enumerate(route["schedule"], 1):
-        pan = part["pan_start_rad"]
-        cells = [
-            str(k), shown(part["s_start_m"], 1), shown(part["s_end_m"], 1), " ".join(part["triplet"] or ["none"]),
-            shown(None if pan is None else math.degrees(pan), 0), shown(part["max_r95_m"], 3),
-            shown(part["turn_from_s"], 1), f"+{part['usable_after_m']:.1f}", shown(part["late_r95_m"], 3),
-        ]  # fmt: skip
-        rows.append(cells)
-    return table(head, rows)
+    for number, part in zip(looks(route["schedule"]), route["schedule"], strict=True):
+        ends = [part["pan_start_rad"], part["pan_end_rad"]]
+        rows.append([
+            "" if number is None else str(number), shown(part["s_start_m"], 1), shown(part["s_end_m"], 1), shown(part["t_start_s"], 1),
+            " ".join(part["triplet"] or ["turning" if part["kind"] == "turning" else "none"]),
+            " to ".join(shown(None if pan is None else math.degrees(pan), 0) for pan in ends),
+            shown(part["max_r95_m"], 3), shown(part["turn_from_s"], 1), late_words(part),
+        ])  # fmt: skip
+    return (
+        table(head, rows)
+        + f"\n\nAs the table has it: {schedule_words(route).removeprefix('as scheduled: ')}."
+    )
 
 
 def matrix_table(answer: dict) -> str:
