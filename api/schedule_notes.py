@@ -84,5 +84,5 @@ def _remedy(plan: LandmarkPlan, faster: Callable[[float], LandmarkPlan], max_bli
         if max_blind is None or longest <= max_blind + _LEAST:
             rate = math.degrees(plan.pan_rate * factor)
             speed = 100 / factor
-            return f" At {rate:.3g}°/s, or at {speed:.0f} % of the speed, {other.blind:.1f} m would be left."
+            return f" At {rate:.3g}°/s, or at {speed:.3g} % of the speed, {other.blind:.1f} m would be left."
     return f" A pan head {FACTORS[-1]:g} times as fast would not do either."

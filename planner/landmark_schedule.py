@@ -16,7 +16,7 @@ from maps.se2 import wrap
 from maps.visibility import visible_landmarks
 from maps.world import World
 from planner.errors import InvalidProblem
-from planner.kernels.landmark_schedule import fixes_along, fixes_off_axis, follow, schedule
+from planner.kernels.landmark_schedule import best_by_direction, fixes_along, fixes_off_axis, follow, schedule
 from planner.result import Trajectory
 from planner.stretches import Candidates, LandmarkPlan, stretches_of
 
@@ -27,7 +27,11 @@ SWITCH_COST = 0.05
 #: What stands for r95 without a fix, m.
 BLIND_R95 = 1.0
 # Candidates beyond this many (those that are best least often) are left out.
-_MAX_CANDIDATES = 150
+_MAX_CANDIDATES = 600
+# A head that takes its time to turn has a choice in each of these sectors of its angle, among the landmarks
+# nearest by.
+_N_SECTORS = 12
+_MAX_NEAR = 24
 # No fix counts at least as much as this many times the best one.
 _POOREST = 2.0
 
@@ -73,6 +77,7 @@ def candidates_along(
 ) -> Candidates:
     """All triplets that are best at some station of a trajectory, with their fixes and pan angles.
 
+    For a pan head that takes its time: also those that are best in a twelfth of its angles.
     A head that follows a triplet no faster than ``pan_rate`` may look beside its middle, as long as all three
     are in view; the fix is the one from there.
 
@@ -88,18 +93,23 @@ def candidates_along(
     s, t, poses = stations_of(trajectory)
     offsets = np.array([sensor.mount.offset(h) for h in poses[:, 2]])
     seen = _seen(world, sensor, poses, offsets)
-    triplets = _candidates(world, sensor, poses, seen)
-    n, m = len(s), len(triplets)
-    covariance, own, slack = np.full((n, m, 3), np.nan), np.full((n, m), np.nan), np.full((n, m, 2), np.nan)
+    best_ones = _best_triplets(world, sensor, poses, seen)
     positions, survey = world.landmarks.positions, world.landmarks.sigma**2
     args = kernel_args(sensor, 0.0)
+    rate = pan_rate if isinstance(sensor, PinholePanSensor) else math.inf
+    if math.isfinite(rate):
+        near = np.empty((len(s), _N_SECTORS, 3), dtype=np.int64)
+        best_by_direction(poses, offsets, args, positions, survey, seen, _MAX_NEAR, near)
+        best_ones = np.concatenate([best_ones, near.reshape(-1, 3)])
+    triplets = _most_frequent(best_ones)
+    n, m = len(s), len(triplets)
+    covariance, own, slack = np.full((n, m, 3), np.nan), np.full((n, m), np.nan), np.full((n, m, 2), np.nan)
     fixes_along(poses, offsets, args, positions, survey, seen, triplets, covariance, own, slack)
     best = np.min(
         np.where(np.isfinite(covariance[..., 0]), cov.r95(covariance), np.inf), axis=1, initial=np.inf
     )
     best[np.isinf(best)] = np.nan
     is_endless = not isinstance(sensor, PinholePanSensor) or sensor.has_free_pan
-    rate = pan_rate if isinstance(sensor, PinholePanSensor) else math.inf
     pan = own.copy()
     if math.isfinite(rate):
         follow(own, slack, is_endless, t, rate, pan)
@@ -177,8 +187,8 @@ def _seen(world: World, sensor: Sensor, poses: FloatArray, offsets: FloatArray) 
     return seen
 
 
-def _candidates(world: World, sensor: Sensor, poses: FloatArray, seen: BoolArray) -> IntArray:
-    """Triplets (C, 3) that are best at some station, most frequent first."""
+def _best_triplets(world: World, sensor: Sensor, poses: FloatArray, seen: BoolArray) -> IntArray:
+    """Shape (K, 3): the best triplet at each station, -1 for none."""
     masks = pack_masks(seen)[:, None, :]
     free = np.ones((len(poses), 1), dtype=np.bool_)
     centres = np.ascontiguousarray(poses[:, None, :2])
@@ -191,6 +201,11 @@ def _candidates(world: World, sensor: Sensor, poses: FloatArray, seen: BoolArray
             best[k] = tile.triplet[0, 0]
     else:
         best[:] = compute_tile(world, sensor, centres, free, masks).triplet[:, 0]
-    found, counts = np.unique(best[best[:, 0] >= 0], axis=0, return_counts=True)
+    return best
+
+
+def _most_frequent(triplets: IntArray) -> IntArray:
+    """The different ones (C, 3) among triplets (N, 3), most frequent first."""
+    found, counts = np.unique(triplets[triplets[:, 0] >= 0], axis=0, return_counts=True)
     order = np.argsort(-counts, kind="stable")[:_MAX_CANDIDATES]
     return np.ascontiguousarray(found[order]).reshape(-1, 3)

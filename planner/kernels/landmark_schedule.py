@@ -78,6 +78,46 @@ def _stand(pose, offset, args, sensor):
 
 
 @njit(cache=True, nogil=True)
+def best_by_direction(poses, offsets, args, landmarks, survey, seen, most, out):
+    """Triplet of the smallest ellipse for each sector of the pan angle, (K, S, 3), -1 for none.
+
+    The S sectors share a full turn from -π on. Of the landmarks that are ``seen`` (K, N) from a station only
+    the nearest ``most`` count.
+    """
+    sensor = args.copy()
+    n_sectors = out.shape[1]
+    near = np.empty(landmarks.shape[0], dtype=np.int64)
+    distance = np.empty(landmarks.shape[0])
+    least = np.empty(n_sectors)
+    out[:] = -1
+    for k in range(poses.shape[0]):
+        x, y = _stand(poses[k], offsets[k], args, sensor)
+        n = 0
+        for i in range(landmarks.shape[0]):
+            if seen[k, i]:
+                near[n] = i
+                distance[n] = math.hypot(landmarks[i, 0] - x, landmarks[i, 1] - y)
+                n += 1
+        if n > most:
+            near[:most] = np.sort(near[np.argsort(distance[:n])[:most]])
+            n = most
+        least[:] = np.inf
+        for a in range(n):
+            for b in range(a + 1, n):
+                for c in range(b + 1, n):
+                    fix = triplet_fix(x, y, near[a], near[b], near[c], landmarks, survey, sensor)
+                    if math.isnan(fix[0]) or math.isnan(fix[4]):
+                        continue
+                    sector = int((fix[4] + math.pi) / (2.0 * math.pi) * n_sectors) % n_sectors
+                    size = fix[0] * fix[2] - fix[1] * fix[1]
+                    if size < least[sector]:
+                        least[sector] = size
+                        out[k, sector, 0] = near[a]
+                        out[k, sector, 1] = near[b]
+                        out[k, sector, 2] = near[c]
+
+
+@njit(cache=True, nogil=True)
 def fixes_off_axis(poses, offsets, args, landmarks, survey, triplets, own, pan, covariance):
     """``covariance`` (K, C, 3) where the head looks at ``pan`` (K, C) and not at its ``own`` angle, rad."""
     sensor = args.copy()

@@ -46,7 +46,9 @@ def test_where_how_long_and_what_helps(at_rate):
     assert f"{slow.turning:.1f} m ({slow.turning_seconds:.1f} s) while its pan head turns" in note
     longest = max(slow.gaps, key=lambda gap: gap.metres)
     assert f"from {longest.start:.1f} to {longest.end:.1f} m" in note
-    rate, speed, left = (float(v) for v in re.search(r"At (\S+)°/s, or at (\d+) % of the speed, (\S+) m", note).groups())
+    rate, speed, left = (
+        float(v) for v in re.search(r"At (\S+)°/s, or at (\S+) % of the speed, (\S+) m", note).groups()
+    )
     assert rate * speed == pytest.approx(30 * 100, rel=0.02)
     assert left - slow.unavoidable <= 0.5 * (slow.blind - slow.unavoidable) + 0.05
     assert at_rate(math.radians(rate)).blind == pytest.approx(left, abs=0.051)

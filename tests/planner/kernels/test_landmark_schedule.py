@@ -4,12 +4,20 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from localization.sensors import MAS97_CAMERA, PinholeFixedSensor, kernel_args
-from planner.kernels.landmark_schedule import fixes_along, fixes_off_axis, follow, schedule, turn_between
+from planner.kernels.landmark_schedule import (
+    best_by_direction,
+    fixes_along,
+    fixes_off_axis,
+    follow,
+    schedule,
+    turn_between,
+)
 from tests.oracles import cheapest_looks, fix_of_three, nearest_following
 
 
@@ -151,6 +159,33 @@ def test_fixes_and_what_a_head_may_be_off(rng):
             beyond = off - pan[k, 0] - slack[k, 0, side] - sign * 1e-6
             beyond = np.mod(beyond + math.pi, 2 * math.pi) - math.pi
             assert np.abs(beyond).max() > 0.5 * MAS97_CAMERA.field_of_view
+
+
+@pytest.mark.parametrize("sensor", [MAS97_CAMERA, replace(MAS97_CAMERA, pan_min=-1.0, pan_max=2.0)])
+def test_the_best_of_each_direction(rng, sensor):
+    landmarks = rng.uniform(-6, 6, (12, 2))
+    survey = np.full(12, 0.02)
+    poses = np.column_stack([rng.uniform(-1, 1, (6, 2)), rng.uniform(-3, 3, 6)])
+    seen = rng.random((6, 12)) < 0.9
+    for most in (12, 9):
+        out = np.empty((6, 5, 3), dtype=np.int64)
+        args = kernel_args(sensor, 0.0)
+        best_by_direction(poses, np.zeros((6, 2)), args, landmarks, survey**2, seen, most, out)
+        for k, pose in enumerate(poses):
+            inside = sorted(np.flatnonzero(seen[k]), key=lambda i: math.dist(landmarks[i], pose[:2]))[:most]
+            least = {}
+            for three in itertools.combinations(sorted(inside), 3):
+                at = list(three)
+                fix = fix_of_three(pose[:2], landmarks[at], survey[at], sensor, pose[2])
+                if fix is None:
+                    continue
+                covariance, _, axis = fix
+                sector = int(((axis - pose[2] + math.pi) % (2 * math.pi)) / (2 * math.pi) * 5)
+                least[sector] = min(least.get(sector, (math.inf, three)), (np.linalg.det(covariance), three))
+            for sector in range(5):
+                expected = least[sector][1] if sector in least else (-1, -1, -1)
+                assert tuple(out[k, sector]) == tuple(int(i) for i in expected)
+        assert (out >= 0).any()
 
 
 def test_ties_are_for_more_to_see():
