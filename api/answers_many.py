@@ -6,7 +6,8 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from api.answers import Answer, Place
+from api.answers import Place
+from api.answers_base import Answer
 
 Row = list[float | None]
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from planner.stretches import LandmarkPlan, Stretch
+    from planner.landmark_plan import LandmarkPlan, Stretch
 
 _DIGITS = 9
 

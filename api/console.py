@@ -30,6 +30,8 @@ _ROWS: list[tuple[str, int, Callable[[dict[str, Any]], float | None]]] = [
 ]
 # Stretches without a fix.
 _TOLD = {"turning": "turning", "blind": "none"}
+#: Stretches without a fix that are shorter are in no table, s; figures count them.
+SHORT_S = 0.1
 # Less is nothing, m.
 _SEEN_M = 0.05
 
@@ -163,6 +165,8 @@ def schedule_table(route: dict[str, Any], title: str) -> Table:
     for name in ("m", "s", "landmarks", "pan", "r95", "turn by", "1 s late"):
         table.add_column(name, justify="left" if name == "landmarks" else "right", no_wrap=True)
     for part in route["schedule"]:
+        if part["kind"] != "fix" and part["t_end_s"] - part["t_start_s"] < SHORT_S:
+            continue
         table.add_row(
             f"{part['s_start_m']:.1f}–{part['s_end_m']:.1f}",
             _cell(part["t_start_s"], 1),

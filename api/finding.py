@@ -8,21 +8,23 @@ from functools import partial
 
 from api.questions import AlternativesAsked, Found, FrontAsked, FrontPlace, ListedRoute, More
 from api.schedule_notes import schedule_notes
-from planner import pareto
+from planner import landmark_schedule, pareto
 from planner import plan as planning
 from planner.alternatives import Alternatives, find_alternatives
 from planner.clock import Clock
 from planner.context import PlanningContext
 from planner.example_context import example_context
+from planner.landmark_plan import LandmarkPlan
 from planner.landmark_schedule import BLIND_R95, schedule_landmarks
 from planner.pareto import ParetoFront, pareto_front
 from planner.problem import MAX_DEADLINE_S, MIN_DEADLINE_S, PlanningProblem
 from planner.result import PlanResult, Trajectory
-from planner.stretches import LandmarkPlan
 
 Report = Callable[[Found], None]
 # Part of the deadline in which routes are found when a schedule is asked for.
 _ROUTES_SHARE = 0.7
+# r95 without a fix where that is forbidden, as a multiple of the route's worst.
+_FORBIDDEN = 3.0
 
 
 def find(
@@ -126,7 +128,6 @@ def _scheduled(
     """The same routes with their schedules, as far as the time reaches."""
     routes: list[ListedRoute] = []
     warnings = list(found.result.warnings)
-    blind_r95 = BLIND_R95 if problem.blind_r95 is None else problem.blind_r95
     # Bounds on the filter's belief are not bounds on single fixes.
     max_r95 = problem.max_r95 if problem.covariance == "fix" else None
     for number, listed in enumerate(found.routes, 1):
@@ -134,15 +135,20 @@ def _scheduled(
             warnings.append(f"The deadline came before the schedule of route {number}.")
             routes.append(listed)
             continue
-        at_rate = partial(_schedule, context, listed.route.trajectory, blind_r95=blind_r95, pan_rate=pan_rate)
+        trajectory, summary = listed.route.trajectory, listed.route.summary
+        blind_r95 = problem.blind_r95
+        if blind_r95 is None:
+            # To drive without a fix is forbidden: it must be far worse than any place of the route.
+            blind_r95 = max(BLIND_R95, _FORBIDDEN * (summary.max_r95 or 0.0))
+        at_rate = partial(_schedule, context, trajectory, blind_r95=blind_r95, pan_rate=pan_rate)
         plan = at_rate()
         warnings += schedule_notes(
             plan,
             number,
-            blind=listed.route.summary.blind,
+            blind=summary.blind,
             max_r95=max_r95,
             max_blind=problem.max_blind_distance,
-            faster=at_rate,
+            faster=None if clock.is_over() else at_rate,
         )
         routes.append(replace(listed, schedule=plan))
     return Found(replace(found.result, warnings=tuple(warnings)), tuple(routes))
@@ -166,6 +172,8 @@ def warm_up(more: More | None = None) -> None:
     planning.warm_up()
     if more is None or more.front is not None:
         pareto.warm_up()
+    if more is None or more.schedule:
+        landmark_schedule.warm_up()
     if more is None or more.alternatives is not None or more.schedule:
         problem = PlanningProblem((1.0, 1.0), (5.0, 5.0), 0.2, weight=0.0, deadline=MAX_DEADLINE_S)
         find(problem, example_context(), More(AlternativesAsked(count=2), schedule=True))

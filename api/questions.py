@@ -10,7 +10,7 @@ from planner.errors import InvalidProblem
 from planner.result import PlanResult, Route
 
 if TYPE_CHECKING:
-    from planner.stretches import LandmarkPlan
+    from planner.landmark_plan import LandmarkPlan
 
 #: The planner's own limits; the service knows them without loading it.
 MAX_ROUTES = 10

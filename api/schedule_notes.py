@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from planner.stretches import Gap, LandmarkPlan
+from planner.landmark_plan import Gap, LandmarkPlan
 
 #: How many times faster a pan head is tried.
 FACTORS = (1.5, 2.0, 3.0, 4.0, 6.0, 8.0)

@@ -8,7 +8,7 @@ import numpy as np
 
 from localization import covariance as cov
 from localization.ranking import LandmarkStatus, landmark_statuses
-from localization.sensors import PinholePanSensor, Sensor, kernel_args
+from localization.sensors import MAS97_CAMERA, PinholePanSensor, Sensor, kernel_args
 from localization.tiles import compute_tile
 from localization.triplets import pack_masks
 from maps.arrays import BoolArray, FloatArray, IntArray
@@ -16,9 +16,12 @@ from maps.se2 import wrap
 from maps.visibility import visible_landmarks
 from maps.world import World
 from planner.errors import InvalidProblem
+from planner.example_context import example_context
 from planner.kernels.landmark_schedule import best_by_direction, fixes_along, fixes_off_axis, follow, schedule
+from planner.landmark_plan import LandmarkPlan
 from planner.result import Trajectory
-from planner.stretches import Candidates, LandmarkPlan, stretches_of
+from planner.stretches import Candidates, stretches_of
+from planner.timing import time_polyline
 
 #: Stations along the path, m.
 SPACING_M = 0.2
@@ -209,3 +212,11 @@ def _most_frequent(triplets: IntArray) -> IntArray:
     found, counts = np.unique(triplets[triplets[:, 0] >= 0], axis=0, return_counts=True)
     order = np.argsort(-counts, kind="stable")[:_MAX_CANDIDATES]
     return np.ascontiguousarray(found[order]).reshape(-1, 3)
+
+
+def warm_up() -> None:
+    """Compile or load what schedules need, by small ones in a made-up room."""
+    world = example_context().field.world
+    line = time_polyline(np.array([[1.0, 1.0], [5.0, 1.0]]), max_speed=1.0, max_accel=1.0)
+    for pan_rate in (1.0, math.inf):
+        schedule_landmarks(world, MAS97_CAMERA, line, pan_rate=pan_rate)

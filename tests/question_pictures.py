@@ -13,7 +13,7 @@ from pathlib import Path
 from PIL import Image
 
 from api.cli import main as surepath
-from api.console import late_words, schedule_words
+from api.console import SHORT_S, late_words, schedule_words
 from api.schedule_picture import looks
 from tests.question_list import COLUMNS, FIELDS, QUESTIONS, Command, Question
 
@@ -139,6 +139,8 @@ def schedule_table(route: dict) -> str:
     ]
     rows = []
     for number, part in zip(looks(route["schedule"]), route["schedule"], strict=True):
+        if part["kind"] != "fix" and part["t_end_s"] - part["t_start_s"] < SHORT_S:
+            continue
         ends = [part["pan_start_rad"], part["pan_end_rad"]]
         rows.append([
             "" if number is None else str(number), shown(part["s_start_m"], 1), shown(part["s_end_m"], 1), shown(part["t_start_s"], 1),

@@ -12,7 +12,9 @@ import pytest
 from localization.sensors import FORWARD_CAMERA, LASER, MAS97_CAMERA, Mount
 from localization.triplets import best_triplet
 from maps.io.site import bundled_site
+from planner import landmark_schedule
 from planner.errors import InvalidProblem
+from planner.kernels import landmark_schedule as kernels
 from planner.landmark_schedule import schedule_landmarks, stations_of
 from planner.timing import time_polyline
 from tests.worlds import world_from_ascii
@@ -246,3 +248,22 @@ def test_a_robot_that_drives_backwards_looks_the_other_way(drive):
     turned = stations_of(backwards)[2][:, 2]
     off = np.cos(turned - forwards)
     assert np.median(off) == pytest.approx(-1.0, abs=1e-6)
+
+
+def test_what_is_warmed_up_is_what_schedules_need(room):
+    """The same kinds of arrays: no kernel is compiled anew for a question."""
+    landmark_schedule.warm_up()
+    used = [
+        kernels.best_by_direction,
+        kernels.fixes_along,
+        kernels.fixes_off_axis,
+        kernels.follow,
+        kernels.schedule,
+        kernels.share_of_halves,
+    ]
+    if not hasattr(used[0], "signatures"):
+        pytest.skip("not compiled")
+    before = [len(kernel.signatures) for kernel in used]
+    assert min(before) > 0
+    schedule_landmarks(room[0], MAS97_CAMERA, room[1], pan_rate=0.5)
+    assert [len(kernel.signatures) for kernel in used] == before
