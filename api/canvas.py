@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import unicodedata
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,12 +76,39 @@ def font(size: int) -> Font:
     return ImageFont.load_default(size)
 
 
+# What stands for signs that the font lacks; of the rest letters lose their accents.
+_INSTEAD = str.maketrans(
+    {"–": "-", "—": "-", "−": "-", "×": "x", "→": "->", "µ": "u", "ß": "ss", "ø": "o", "æ": "ae", "’": "'"}
+)
+
+
+def has_glyph(sign: str) -> bool:
+    """Whether the font has a sign; for others it draws an empty box."""
+    face = font(20)
+    box, mask = face.getmask("\uffff"), face.getmask(sign)
+    return (mask.size, bytes(mask)) != (box.size, bytes(box))
+
+
+def plain(text: str) -> str:
+    """The text in signs that the font has: names are whatever people write."""
+    if text.isascii():
+        return text
+    out = []
+    for sign in text.translate(_INSTEAD):
+        if has_glyph(sign):
+            out.append(sign)
+            continue
+        bare = "".join(c for c in unicodedata.normalize("NFKD", sign) if not unicodedata.combining(c))
+        out.append(bare if bare and all(map(has_glyph, bare)) else "?")
+    return "".join(out)
+
+
 def write(
     draw: ImageDraw.ImageDraw, at: tuple[float, float], text: str, *, size: int, fill: Color = (32, 36, 42)
 ) -> None:
-    """Text from ``at`` (left, vertical middle); a superscript two is drawn, the font has none."""
+    """Text from ``at`` (left, vertical middle), :func:`plain`; a superscript two is drawn small."""
     x, y = at
-    for k, part in enumerate(text.split("²")):
+    for k, part in enumerate(map(plain, text.split("²"))):
         if k:
             draw.text(
                 (x, y - 0.33 * size), "2", fill=fill, font=font(max(7, round(0.65 * size))), anchor="lm"

@@ -76,7 +76,7 @@ def matrix_png(
     small = (map_width // _OVERSAMPLING, map_height // _OVERSAMPLING)
     image.paste(big.resize(small, Image.Resampling.LANCZOS), (12, _HEADER))
     draw = ImageDraw.Draw(image)
-    draw.text((12, 8), field.world.name, fill=layers.INK, font=canvas.font(15))
+    draw.text((12, 8), canvas.plain(field.world.name), fill=layers.INK, font=canvas.font(15))
     left = width - side + 12
     titles = (("length [m]", matrix.length, 1), ("worst r95 [m]", matrix.worst_r95, 3))
     for k, (title, values, digits) in enumerate(titles):
@@ -94,7 +94,7 @@ def _mark(image: Image.Image, view: canvas.View, names: Sequence[str], places: F
         draw.ellipse([x - 11, y - 11, x + 11, y + 11], fill=layers.INK, outline=(255, 255, 255), width=3)
         draw.text(
             (x, y - 16),
-            name,
+            canvas.plain(name),
             fill=layers.INK,
             font=canvas.font(24),
             anchor="mb",
@@ -118,10 +118,14 @@ def _table(
     most = float(known.max()) if len(known) and known.max() > 0 else 1.0
     for j, name in enumerate(names[1]):
         x = left + _NAMES + (j + 0.5) * _CELL
-        draw.text((x, top + 1.5 * _ROW), name[:7], fill=layers.INK, font=canvas.font(12), anchor="mm")
+        draw.text(
+            (x, top + 1.5 * _ROW), canvas.plain(name[:7]), fill=layers.INK, font=canvas.font(12), anchor="mm"
+        )
     for i, name in enumerate(names[0]):
         y = top + (i + 2) * _ROW
-        draw.text((left, y + _ROW / 2), name[:14], fill=layers.INK, font=canvas.font(12), anchor="lm")
+        draw.text(
+            (left, y + _ROW / 2), canvas.plain(name[:14]), fill=layers.INK, font=canvas.font(12), anchor="lm"
+        )
         for j, value in enumerate(values[i]):
             x = left + _NAMES + j * _CELL
             share = 0.0 if not np.isfinite(value) else float(value) / most
@@ -129,6 +133,6 @@ def _table(
             fill = color if np.isfinite(value) else layers.OUTSIDE
             ink = (255, 255, 255) if np.isfinite(value) and share > 0.55 else layers.INK
             draw.rectangle([x + 1, y + 1, x + _CELL - 2, y + _ROW - 2], fill=fill)
-            text = f"{value:.{digits}f}" if np.isfinite(value) else "–"
+            text = f"{value:.{digits}f}" if np.isfinite(value) else "-"
             middle = (x + _CELL / 2, y + _ROW / 2)
             draw.text(middle, text, fill=ink, font=canvas.font(12), anchor="mm")

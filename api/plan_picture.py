@@ -96,7 +96,10 @@ def plan_png(field: UncertaintyField, answer: dict[str, Any], *, width: int = 15
     )
     draw = ImageDraw.Draw(image)
     draw.text(
-        (12, 8), title or f"{field.world.name}: {answer['status']}", fill=layers.INK, font=canvas.font(15)
+        (12, 8),
+        canvas.plain(title or f"{field.world.name}: {answer['status']}"),
+        fill=layers.INK,
+        font=canvas.font(15),
     )
     paint = _paint_table if is_list else _paint_key
     largest = _LARGEST * view.width / (view.scale * enlargement)

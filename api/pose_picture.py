@@ -124,7 +124,7 @@ def pose_png(
     )
     key = ImageDraw.Draw(image)
     text = title or f"{field.world.name}: {answer['status']}"
-    key.text((12, 8), text, fill=layers.INK, font=canvas.font(15))
+    key.text((12, 8), canvas.plain(text), fill=layers.INK, font=canvas.font(15))
     _paint_key(key, height - _FOOTER + 10, answer, motion)
     return canvas.encode_png(image)
 

@@ -75,7 +75,7 @@ def reach_png(field: UncertaintyField, region: Region, *, width: int = 1500, tit
         doubtful=bool(layers.is_doubtful(field, (rows, cols)).any()),
     )
     draw = ImageDraw.Draw(whole)
-    draw.text((12, 8), title or field.world.name, fill=layers.INK, font=canvas.font(15))
+    draw.text((12, 8), canvas.plain(title or field.world.name), fill=layers.INK, font=canvas.font(15))
     canvas.write(draw, (14, height - _FOOTER / 2), _words(region), size=14)
     return canvas.encode_png(whole)
 

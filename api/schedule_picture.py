@@ -75,7 +75,7 @@ def schedule_png(
     image.paste(big.resize(small, Image.Resampling.LANCZOS), (12, _HEADER))
     draw = ImageDraw.Draw(image)
     said = title or f"{field.world.name}: which three landmarks to look at, by stretch"
-    draw.text((12, 8), said, fill=layers.INK, font=canvas.font(15))
+    draw.text((12, 8), canvas.plain(said), fill=layers.INK, font=canvas.font(15))
     _paint_profile(draw, route, colors, (_LEFT, height - _STRIP + 22, width - 24, height - 54))
     return canvas.encode_png(image)
 
