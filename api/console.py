@@ -162,7 +162,7 @@ def _of_list(route: dict[str, Any]) -> str:
 def schedule_table(route: dict[str, Any], title: str) -> Table:
     """When to look where along a route."""
     table = Table(title=title, title_justify="left", caption=schedule_words(route), caption_justify="left")
-    for name in ("m", "s", "landmarks", "pan", "r95", "turn by", "1 s late"):
+    for name in ("m", "s", "landmarks", "pan", "r95", "begin by", "1 s late"):
         table.add_column(name, justify="left" if name == "landmarks" else "right", no_wrap=True)
     for part in route["schedule"]:
         if part["kind"] != "fix" and part["t_end_s"] - part["t_start_s"] < SHORT_S:

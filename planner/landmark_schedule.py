@@ -99,7 +99,7 @@ def candidates_along(
     best_ones = _best_triplets(world, sensor, poses, seen)
     positions, survey = world.landmarks.positions, world.landmarks.sigma**2
     args = kernel_args(sensor, 0.0)
-    rate = pan_rate if isinstance(sensor, PinholePanSensor) else math.inf
+    rate = float(pan_rate) if isinstance(sensor, PinholePanSensor) else math.inf
     if math.isfinite(rate):
         near = np.empty((len(s), _N_SECTORS, 3), dtype=np.int64)
         best_by_direction(poses, offsets, args, positions, survey, seen, _MAX_NEAR, near)

@@ -134,7 +134,7 @@ def schedule_table(route: dict) -> str:
         "landmarks",
         "pan [°]",
         "worst r95 [m]",
-        "turn by [s]",
+        "begin to turn by [s]",
         "1 s late",
     ]
     rows = []
@@ -148,10 +148,7 @@ def schedule_table(route: dict) -> str:
             " to ".join(shown(None if pan is None else math.degrees(pan), 0) for pan in ends),
             shown(part["max_r95_m"], 3), shown(part["turn_from_s"], 1), late_words(part),
         ])  # fmt: skip
-    return (
-        table(head, rows)
-        + f"\n\nAs the table has it: {schedule_words(route).removeprefix('as scheduled: ')}."
-    )
+    return table(head, rows) + f"\n\n{schedule_words(route).capitalize()}."
 
 
 def matrix_table(answer: dict) -> str:

@@ -56,6 +56,7 @@ def test_a_schedule(field, tmp_path, capsys):  # noqa: F811
     assert "when to look where" in words
     assert schedule[0]["triplet"][0] in words
     assert "length [m]" in words, "units are no markup"
+    assert "as scheduled: worst r95" in words
 
 
 @pytest.mark.parametrize(

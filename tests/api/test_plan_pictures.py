@@ -14,7 +14,7 @@ from api.canvas import InvalidPicture
 from api.cli import main
 from api.plan_picture import plan_png
 from api.pose_picture import _BACKWARDS, _FORWARDS, outline_of, pose_png, poses_of
-from api.schedule_picture import _COLORS, schedule_png
+from api.schedule_picture import _COLORS, _TURNING, looks, schedule_png
 from localization.field_builder import build_field
 from localization.io.field_file import save_field
 from localization.sensors import LASER, MAS97_CAMERA
@@ -99,6 +99,30 @@ def test_a_schedule_has_a_colour_for_every_triplet(folder):
     triplets = {tuple(sorted(s["triplet"])) for s in answer["routes"][0]["schedule"] if s["triplet"]}
     for color in _COLORS[: min(len(triplets), len(_COLORS))]:
         assert share_of(pixels, color) > 1e-4
+    at_once = share_of(pixels, _TURNING)
+    assert at_once < 1e-3, "edges of letters"
+    slow, pixels = planned(
+        folder,
+        "camera",
+        "--start",
+        2,
+        3,
+        "--goal",
+        12,
+        11,
+        "--blind-r95",
+        1,
+        "--schedule",
+        "--pan-rate-deg",
+        60,
+    )
+    route = slow["routes"][0]
+    assert share_of(pixels, _TURNING) > at_once + 2e-3
+    assert looks(route["schedule"]).count(None) == sum(x["kind"] != "fix" for x in route["schedule"])
+    assert max(filter(None, looks(route["schedule"]))) == sum(x["kind"] == "fix" for x in route["schedule"])
+    assert route["schedule_figures"]["turning_s"] > 0
+    [warning] = [w for w in slow["warnings"] if "pans at 60°/s" in w]
+    assert f"{route['uncertainty']['blind_m']:.1f} m, as if it turned at once" in warning
     field = build_field(bundled_site("mas97_room"), LASER, resolution=0.5)
     answer["routes"][0]["schedule"] = None
     with pytest.raises(InvalidPicture, match="no schedule"):

@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 from api import answers, questions
+from api.answers_schedule import ScheduleFigures, Stretch
 from api.schemas import PlanIn
 from planner import alternatives, pareto
 from tests.api.conftest import problem_of, ready_field
@@ -116,11 +117,21 @@ def test_schedules_of_all_routes(gallery):
         with_fix = [stretch for stretch in schedule if stretch["triplet"]]
         assert with_fix, "blind only where the block hides two corners"
         assert set(with_fix[0]["triplet"]) <= {"A", "B", "C", "D"}
+        figures = route["schedule_figures"]
+        without = [stretch for stretch in schedule if stretch["kind"] != "fix"]
+        metres = sum(stretch["s_end_m"] - stretch["s_start_m"] for stretch in without)
+        assert figures["blind_m"] == pytest.approx(metres, abs=1e-6)
+        assert figures["max_r95_m"] == max(stretch["max_r95_m"] for stretch in with_fix)
+        for stretch in schedule:
+            Stretch.model_validate(stretch)
+            ScheduleFigures.model_validate(figures)
+            assert (stretch["triplet"] is None) == (stretch["kind"] != "fix")
     assert plan["request"]["include"] == ["schedule"]
     assert plan["request"]["robot"]["pan_rate_rad_s"] == pytest.approx(0.785, abs=1e-3)
     assert again(gallery, plan)["plan"] == plan["plan"]
     alone = ask(gallery)
     assert alone["routes"][0]["schedule"] is None
+    assert alone["routes"][0]["schedule_figures"] is None
 
 
 def test_the_picture_shows_all_routes(gallery):
