@@ -23,7 +23,7 @@ class Stretch(Answer):
 
     kind: str = Field(
         description="fix: the triplet is looked at. turning: the pan head turns to the next one, without a "
-        "fix. blind: no triplet that it could be turned to in time gives a fix; it waits at its angle."
+        "fix. blind: no triplet that it could be turned to in time gives a fix that is worth it; it waits."
     )
     s_start_m: float = Field(description="Way driven from the start of the route.")
     s_end_m: float

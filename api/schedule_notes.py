@@ -63,13 +63,16 @@ def _blind_note(plan: LandmarkPlan, number: int, blind: float, longest: Gap) -> 
     if plan.turning >= _LEAST / 2:
         parts.append(f"{plan.turning:.1f} m ({plan.turning_seconds:.1f} s) while its pan head turns")
     if (rest := plan.blind - plan.turning) >= _LEAST / 2:
-        parts.append(f"{rest:.1f} m with no three landmarks that it can look at in time")
-    rate = f" that pans at {math.degrees(plan.pan_rate):g}°/s" if math.isfinite(plan.pan_rate) else ""
+        parts.append(f"{rest:.1f} m with no three landmarks in reach that are worth it")
+    who, but = "the robot", ""
+    if math.isfinite(plan.pan_rate):
+        who = f"a camera that pans at {math.degrees(plan.pan_rate):g}°/s"
+        but = ", as if it turned at once"
     return (
-        f"On route {number} a camera{rate} is without a fix for {plan.blind:.1f} m "
-        f"({plan.blind_seconds:.1f} s): {', '.join(parts)}. The figures of the route say {blind:.1f} m, as "
-        f"if it turned at once. The longest part is {longest.metres:.1f} m, from {longest.start:.1f} to "
-        f"{longest.end:.1f} m ({longest.t_start:.1f} to {longest.t_end:.1f} s)."
+        f"On route {number} {who} is without a fix for {plan.blind:.1f} m ({plan.blind_seconds:.1f} s): "
+        f"{', '.join(parts)}. The figures of the route say {blind:.1f} m{but}. The longest part is "
+        f"{longest.metres:.1f} m, from {longest.start:.1f} to {longest.end:.1f} m ({longest.t_start:.1f} to "
+        f"{longest.t_end:.1f} s)."
     )
 
 

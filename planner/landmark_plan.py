@@ -22,7 +22,7 @@ class Stretch:
     ----------
     kind
         ``fix``: the triplet is looked at. ``turning``: the pan head turns to the next. ``blind``: neither, no
-        triplet that it could be turned to in time gives a fix.
+        triplet that it could be turned to in time gives a fix that is worth it.
     start, end
         Arc lengths, m.
     t_start, t_end

@@ -65,5 +65,9 @@ def test_bounds_that_the_schedule_does_not_keep(at_rate):
     notes = schedule_notes(slow, 1, blind=0.0, max_r95=0.9 * slow.max_r95, max_blind=0.5)
     assert "more than the bound of 0.5 m" in notes[0]
     assert f"r95 up to {slow.max_r95:.3f} m" in notes[1]
+    quick = at_rate(math.inf)
+    [note] = schedule_notes(quick, 1, blind=quick.blind, max_blind=0.0, faster=at_rate)
+    assert note.startswith("On route 1 the robot is without a fix for ")
+    assert "at once" not in note
     never = schedule_notes(slow, 1, blind=0.0, faster=lambda _: slow)
     assert never[0].endswith("would not do either.")
