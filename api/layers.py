@@ -11,8 +11,7 @@ from PIL import Image, ImageDraw
 
 from api.canvas import Color, InvalidPicture, View, write
 from api.colormaps import COLORMAPS, ByteArray
-from localization.kernels.coverage import NOMINAL_SHARE, VALID_TOLERANCE
-from localization.uncertainty_field import UncertaintyField
+from localization.uncertainty_field import UncertaintyField, is_off
 from maps.arrays import BoolArray, FloatArray, IntArray
 from maps.floor_plan import FloorPlan
 from maps.grid import OccupancyGrid
@@ -155,8 +154,7 @@ def paint_field(
 
 def is_doubtful(field: UncertaintyField, at: tuple[IntArray, IntArray]) -> BoolArray:
     """Whether cells have a fix whose ellipse cannot be believed."""
-    off = np.abs(field.validity[at] - NOMINAL_SHARE) > VALID_TOLERANCE
-    return np.asarray(off)
+    return is_off(field.validity[at])
 
 
 def paint_landmarks(image: Image.Image, view: View, world: World, *, radius: float = 3.0) -> None:
