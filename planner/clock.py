@@ -66,6 +66,10 @@ class Clock:
         """Whether a share of the time is over."""
         return time.monotonic() >= self.at(share)
 
+    def stats(self) -> dict[str, float]:
+        """Seconds of each stage and in total, as answers report them."""
+        return {f"{name}_s": value for name, value in self.seconds.items()} | {"total_s": self.elapsed}
+
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Add the seconds spent inside to a stage."""
@@ -76,10 +80,12 @@ class Clock:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.monotonic() - began
 
     @contextmanager
-    def stop_flag(self, flag: npt.NDArray[np.uint8] | None = None) -> Iterator[npt.NDArray[np.uint8]]:
-        """Shape (1,): becomes 1 at the deadline, for kernels that run without the interpreter's lock.
+    def stop_flag(
+        self, flag: npt.NDArray[np.uint8] | None = None, *, share: float = 1.0
+    ) -> Iterator[npt.NDArray[np.uint8]]:
+        """Shape (1,): becomes 1 when a share of the time is over, for kernels that run without the lock.
 
         A flag that is given is used, so that another thread can set it earlier.
         """
-        with flag_at(self.at(), flag) as given:
+        with flag_at(self.at(share), flag) as given:
             yield given

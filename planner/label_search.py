@@ -108,11 +108,15 @@ def without_path(*, is_complete: bool) -> LabelPath:
 
 @dataclass(frozen=True, slots=True)
 class Stretches:
-    """Metres without a fix on a line: from its begin, up to its end, and at most in one stretch."""
+    """Metres without a fix on a line: from its begin, up to its end, and at most in one stretch.
+
+    ``longest_from``: metres from the begin at which the longest one begins.
+    """
 
     first: float
     last: float
     longest: float
+    longest_from: float = 0.0
 
 
 def line_stretches(frame: GridFrame, has_fix: BoolArray, points: npt.ArrayLike) -> Stretches:
@@ -141,16 +145,18 @@ def _stretches(pieces: FloatArray, has_fix: BoolArray, resolution: float) -> Str
     ny, nx = has_fix.shape
     rows, cols = np.clip(pieces[:, (0, 2)].astype(int), 0, ny - 1), pieces[:, (1, 3)].astype(int)
     seen = has_fix[rows, np.clip(cols, 0, nx - 1)].all(axis=1)
-    run, longest = 0.0, 0.0
+    run, longest, longest_from, driven = 0.0, 0.0, 0.0, 0.0
     first: float | None = None
-    for ok, length in zip(seen, pieces[:, 4] * resolution, strict=True):
+    for ok, length in zip(seen.tolist(), (pieces[:, 4] * resolution).tolist(), strict=True):
+        driven += length
         if ok:
             first = run if first is None else first
             run = 0.0
-        else:
-            run += float(length)
-            longest = max(longest, run)
-    return Stretches(run if first is None else first, run, longest)
+            continue
+        run += length
+        if run > longest:
+            longest, longest_from = run, driven - run
+    return Stretches(run if first is None else first, run, longest, longest_from)
 
 
 def blind_path(

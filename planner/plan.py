@@ -318,7 +318,8 @@ def _baseline(problem: PlanningProblem, context: PlanningContext, clock: Clock) 
         return None
     quiet = Clock(problem.deadline)
     quiet.began = clock.began
-    return _finish(found, problem, context, quiet, _Work("shortest route", _SHORTEST_SHARES))
+    plain = replace(problem, refine=0)  # a pulled string is taut
+    return _finish(found, plain, context, quiet, _Work("shortest route", _SHORTEST_SHARES))
 
 
 def _asks_for_length(problem: PlanningProblem) -> bool:
@@ -382,7 +383,7 @@ def _result(
         planner="+".join(work.stages),
         unmet=unmet,
         warnings=tuple(dict.fromkeys(work.warnings)),
-        stats={f"{k}_s": v for k, v in clock.seconds.items()} | {"total_s": clock.elapsed},
+        stats=clock.stats(),
     )
 
 
@@ -400,7 +401,7 @@ def nothing_found(
             f" This holds on cells of {context.field.frame.resolution:g} m; a passage that leaves less than "
             "half a cell on both sides of the robot may be missed."
         )
-    stats = {f"{k}_s": v for k, v in clock.seconds.items()} | {"total_s": clock.elapsed}
+    stats = clock.stats()
     return PlanResult(status, None, None, None, "grid_search", warnings=(said,), stats=stats)
 
 

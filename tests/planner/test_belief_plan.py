@@ -11,9 +11,14 @@ from localization.field_builder import build_field
 from localization.motion import OdometryModel
 from localization.sensors import OmnidirectionalSensor
 from planner.belief_plan import plan_by_belief
+from planner.belief_work import BeliefWork
+from planner.blind_plan import BlindWork
 from planner.clock import Clock
 from planner.context import PlanningContext
 from planner.errors import InvalidProblem
+from planner.fused_plan import FusedWork
+from planner.label_search import line_stretches
+from planner.plan import plan
 from planner.problem import PlanningProblem
 from planner.result import PlanStatus
 from tests.fields import synthetic_field
@@ -111,6 +116,105 @@ def test_dead_reckoning_grows_until_the_bound_forbids_it(hall):
     assert tight.status is PlanStatus.RISK_UNMET
     assert tight.unmet[0].bound == "max_r95_m"
     assert "filter" in tight.unmet[0].message
+
+
+# Landmarks are seen in the upper half only, the floor is open: what is smoothed or drawn straight loses them.
+FLOOR = """
+    ############################
+    #..A...B...C...D...E...F...#
+    #..........................#
+    #..........................#
+    #..........................#
+    #..........................#
+    #..........................#
+    #..........................#
+    #..........................#
+    #..........................#
+    ############################
+"""
+LOW = (1.5, 1.0), (12.5, 1.0)
+KNOWN = (1e-4, 0.0, 1e-4, 0.0, 0.0, 1e-4)
+
+
+@pytest.fixture(scope="module")
+def floor():
+    sensor = OmnidirectionalSensor(0.004, max_range=3.6)
+    return PlanningContext(build_field(world_from_ascii(FLOOR), sensor, resolution=0.25))
+
+
+@pytest.mark.parametrize("covariance", ["fix", "fused"])
+def test_a_smooth_way_that_loses_its_fixes_is_not_taken(floor, covariance, monkeypatch):
+    start, goal = LOW
+    asked = {
+        "max_blind_distance": 3.0,
+        "covariance": covariance,
+        "objective": "shortest",
+        "start_covariance": KNOWN,
+    }
+    calls = []
+
+    def straight(work, points, space):
+        calls.append(points)
+        return work.timed([start, goal])
+
+    monkeypatch.setattr(BeliefWork, "smoothed", straight)
+    result = ask(floor, start, goal, **asked)
+    assert calls
+    assert result.status is PlanStatus.EXACT
+    assert "casadi" not in result.planner
+    frame = floor.field.frame
+    assert line_stretches(frame, floor.field.has_fix, result.route.trajectory.points).longest <= 3.0
+    # What is said of a route is said of its own stretches, not of those of the search.
+    kind = FusedWork if covariance == "fused" else BlindWork
+    problem = PlanningProblem(start, goal, 0.3, deadline=20.0, **asked)
+    work = kind(problem, floor, Clock(20.0))
+    work.search(np.zeros(1, dtype=np.uint8))
+    (unmet,) = work.unmet(work.of_plain(np.array([start, goal])))
+    assert unmet.bound == "max_blind_distance_m"
+    assert unmet.value == pytest.approx(11.0, abs=0.01)
+
+
+def test_the_surest_way_stays_so_when_it_is_smoothed(floor, monkeypatch):
+    start, goal = LOW
+    known = {"covariance": "fused", "start_covariance": KNOWN}
+    surest = ask(floor, start, goal, objective="minimax", **known)
+    assert surest.status is PlanStatus.EXACT
+    worst = surest.route.summary.max_r95
+    direct = ask(floor, start, goal, objective="shortest", **known)
+    assert direct.route.summary.max_r95 > 2.0 * worst
+    monkeypatch.setattr(BeliefWork, "smoothed", lambda work, points, space: work.timed([start, goal]))
+    other = ask(floor, start, goal, objective="minimax", **known)
+    assert other.route.summary.max_r95 <= 1.01 * worst
+    # No shorter path has a smaller one.
+    bounded = ask(floor, start, goal, objective="shortest", max_r95=0.98 * worst, **known)
+    assert bounded.route.summary.max_r95 >= 0.98 * worst
+
+
+@pytest.mark.parametrize("objective", ["shortest", "weighted", "minimax"])
+def test_no_route_is_worse_than_the_shortest_one_beside_it(hall, objective):
+    # A search that ends on the zigzags of the grid.
+    start, goal = (1.5, 4.0), (11.3, 3.4)
+    problem = PlanningProblem(start, goal, 0.3, covariance="fused", objective=objective, deadline=20.0)
+    result = plan(problem, hall)
+    route, shortest = result.route.summary, result.shortest.summary
+    if objective == "minimax":
+        assert route.max_r95 <= shortest.max_r95 * (1 + 1e-6)
+    else:
+        assert route.cost <= shortest.cost * (1 + 1e-9)
+    # By the same formula.
+    weight = problem.effective_weight
+    assert shortest.cost == pytest.approx(shortest.length * (1 + weight * shortest.mean_r95), rel=1e-6)
+
+
+def test_the_shortest_route_is_taken_where_it_is_better(hall):
+    """A search's path that is worse than the baseline by all that counts."""
+    start, goal = (1.5, 4.0), (11.3, 3.4)
+    problem = PlanningProblem(start, goal, 0.3, covariance="fused", objective="shortest", deadline=20.0)
+    work = FusedWork(problem, hall, Clock(20.0))
+    work.search(np.zeros(1, dtype=np.uint8))
+    direct, detour = (work.of_plain(np.array(p)) for p in ([start, goal], [start, (6.0, 3.3), goal]))
+    assert work.prefers(direct, detour)
+    assert not work.prefers(detour, direct)
 
 
 def test_a_start_without_a_fix_needs_a_belief(hall):

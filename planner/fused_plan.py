@@ -1,0 +1,114 @@
+"""Plans by the filter's belief: bounds and objective hold for what it says on the route itself."""
+
+from __future__ import annotations
+
+from maps.arrays import FloatArray
+from planner.annotate import annotate
+from planner.belief_words import unmet_by_filter
+from planner.belief_work import SHAPE_SHARE, BeliefWork
+from planner.clock import Clock
+from planner.context import PlanningContext
+from planner.fused_belief import FilterModel
+from planner.fused_judge import ROUNDING, Judge, Judged
+from planner.fused_route import with_belief
+from planner.fused_search import FusedQuestion
+from planner.fused_verify import verified_path
+from planner.label_search import LabelPath, Stop
+from planner.problem import PlanningProblem
+from planner.result import Route, Trajectory, Unmet
+from planner.smoothing import COST_SLACK
+
+
+class FusedWork(BeliefWork):
+    """A question with ``covariance="fused"``."""
+
+    _judge: Judge
+    _lines: Judged
+
+    def __init__(self, problem: PlanningProblem, context: PlanningContext, clock: Clock) -> None:
+        super().__init__(problem, context, clock)
+        self._known: list[tuple[Trajectory, Judged]] = []
+
+    def search(self, stop: Stop) -> LabelPath:
+        """Labels of (cell, covariance), then the filter on the lines."""
+        p, context = self.problem, self.context
+        self.graph = self.free_graph
+        fused = context.fused()
+        given = p.start_matrix
+        question = FusedQuestion(
+            p.start,
+            p.goal,
+            covariance=fused.fix_covariance(p.start) if given is None else given,
+            objective=p.objective,
+            weight=p.effective_weight,
+            max_r95=p.max_r95,
+            max_ellipse95=p.max_ellipse95,
+            max_collision_probability=p.max_collision_probability,
+            max_blind_distance=p.max_blind_distance,
+        )
+        model = FilterModel(p.odometry, p.fix_rate, p.max_speed, p.turn_rate)
+        self._judge = Judge(self.graph.cost_space, fused, model, question)
+        to_go = context.costs_to(self.graph, p.goal, stop=stop)
+        found = verified_path(
+            self.graph, fused, model, question, to_go=to_go, stop=stop, deadline_at=self.clock.at(SHAPE_SHARE)
+        )
+        if found.judged is not None:
+            self._lines = found.judged
+        self.found = found.path
+        return found.path
+
+    def route(self) -> tuple[Route, list[str]]:
+        """The best lines, smoothed where the filter agrees."""
+        lines, stages = self._lines, ["any_angle"]
+        if self.plain is not None and not self.clock.is_over(SHAPE_SHARE):
+            direct = self._judge(self.plain)
+            lines = direct if direct.is_better_than(lines) else lines
+        trajectory = self.timed(lines.points)
+        for space in self.spaces(lines.points):
+            smooth = self.smoothed(lines.points, space)
+            if smooth is None:
+                break
+            if self._is_as_good(self._judged(smooth), lines):
+                trajectory = smooth
+                stages.append("casadi")
+                break
+        return self._told(trajectory), stages
+
+    def of_plain(self, points: FloatArray) -> Route:
+        """The shortest way, told by the filter."""
+        return self._told(self.timed(points))
+
+    def told(self, route: Route) -> Route:
+        """A route made otherwise, told by the filter."""
+        return self._told(route.trajectory)
+
+    def prefers(self, other: Route, route: Route) -> bool:
+        """Whether another route is better by the filter."""
+        return self._judged(other.trajectory).is_better_than(self._judged(route.trajectory))
+
+    def unmet(self, route: Route, *, searched: bool = True) -> tuple[Unmet, ...]:
+        """Bounds that the route does not keep by the filter."""
+        return unmet_by_filter(self._judged(route.trajectory), self.problem, searched=searched)
+
+    def _judged(self, trajectory: Trajectory) -> Judged:
+        for known, judged in self._known:
+            if known is trajectory:
+                return judged
+        self._known.append((trajectory, self._judge(trajectory.points)))
+        return self._known[-1][1]
+
+    def _is_as_good(self, smooth: Judged, lines: Judged) -> bool:
+        """Whether a smooth way may stand for lines: bounds kept as well, little dearer, as certain."""
+        if smooth.excess > max(1.0, lines.excess) * (1 + ROUNDING):
+            return False
+        if self.problem.objective == "minimax":
+            search = self.found.worst_r95 if self.found.status == "found" else 0.0
+            if smooth.worst_r95 > max(lines.worst_r95, search) * (1 + ROUNDING):
+                return False
+        # Never dearer than the search's own path, unless the lines are.
+        return smooth.cost <= max(lines.cost, min((1.0 + COST_SLACK) * lines.cost, self.found.cost))
+
+    def _told(self, trajectory: Trajectory) -> Route:
+        judged = self._judged(trajectory)
+        route = annotate(trajectory, self.context, self.graph.cost_space, cost=judged.cost)
+        return with_belief(route, judged.belief, self.context, self.problem.radius)
