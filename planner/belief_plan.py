@@ -46,6 +46,8 @@ def plan_by_belief(
     work: BeliefWork = (FusedWork if problem.covariance == "fused" else BlindWork)(problem, context, clock)
     with clock.stage("grid"), clock.stop_flag() as stop:
         work.search_plain(stop)
+    if clock.is_over():
+        return _late(work)
     with clock.stage("labels"), clock.stop_flag(share=SEARCH_SHARE) as stop:
         found = work.search(stop)
     if not found.has_path:
@@ -101,7 +103,7 @@ def _late(work: BeliefWork) -> PlanResult:
         grid_cost=None,
         planner="grid_search+any_angle",
         unmet=unmet,
-        warnings=(without_search(problem, unmet),),
+        warnings=(without_search(problem, unmet, judged=work.is_ready),),
         stats=clock.stats(),
     )
 

@@ -134,15 +134,25 @@ def unmet_blind_distance(route: Route, lines: Stretches, asked: float, possible:
     return Unmet(_BLIND, asked, lines.longest, (x, y), possible, message)
 
 
-def without_search(problem: PlanningProblem, unmet: tuple[Unmet, ...]) -> str:
-    """What to say of the shortest route that stands in for one that was not found in time."""
+def without_search(problem: PlanningProblem, unmet: tuple[Unmet, ...], *, judged: bool) -> str:
+    """What to say of the shortest route that stands in for one that was not found in time.
+
+    Parameters
+    ----------
+    problem, unmet
+        The question, and bounds that the route breaks.
+    judged
+        Whether there was time to look at them.
+    """
     said = (
         f"The deadline of {problem.deadline:g} s came before the search over beliefs had a path; the route "
-        "returned is the shortest one, searched without the bounds"
+        "returned is the shortest one, searched without bounds."
     )
+    if not judged:
+        return f"{said} Its bounds were not checked, and its uncertainty is that of single fixes."
     if not unmet:
-        return f"{said}: it keeps those that were asked for, but better ones were not looked for."
+        return f"{said} It keeps all bounds that were asked for, but nothing better was looked for."
     broken = ", ".join(
-        f"{u.bound} ({round_up(u.value)} instead of {u.limit:g}{_WORDS[u.bound][1]})" for u in unmet
+        f"{u.bound} ({round_up(u.value)}{_WORDS[u.bound][1]} instead of {u.limit:g})" for u in unmet
     )
-    return f"{said}: it breaks {broken}. Allow more time."
+    return f"{said} It breaks {broken}; allow more time."

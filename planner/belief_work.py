@@ -76,6 +76,11 @@ class BeliefWork(ABC):
     def of_plain(self, points: FloatArray) -> Route:
         """The route along the shortest way, with stops at its corners."""
 
+    @property
+    @abstractmethod
+    def is_ready(self) -> bool:
+        """Whether bounds can be judged."""
+
     @abstractmethod
     def told(self, route: Route) -> Route:
         """A route made otherwise, with this question's uncertainty and cost."""

@@ -71,6 +71,11 @@ class BlindWork(BeliefWork):
         route = annotate(self.timed(points), self.context, self.free_graph.cost_space)
         return self.told(route)
 
+    @property
+    def is_ready(self) -> bool:
+        """Single fixes are always at hand."""
+        return True
+
     def told(self, route: Route) -> Route:
         """Single fixes need no telling."""
         return route
@@ -101,4 +106,4 @@ class BlindWork(BeliefWork):
         return self._stretches(points).longest <= limit * (1 + _ROUNDING) + _ROUNDING
 
     def _stretches(self, points: npt.ArrayLike) -> Stretches:
-        return line_stretches(self.graph.cost_space.frame, self.has_fix, points)
+        return line_stretches(self.context.field.frame, self.has_fix, points)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from maps.arrays import FloatArray
 from planner.annotate import annotate
 from planner.belief_words import unmet_by_filter
@@ -13,7 +15,7 @@ from planner.fused_judge import ROUNDING, Judge, Judged
 from planner.fused_route import with_belief
 from planner.fused_search import FusedQuestion
 from planner.fused_verify import verified_path
-from planner.label_search import LabelPath, Stop
+from planner.label_search import LabelPath, Stop, without_path
 from planner.problem import PlanningProblem
 from planner.result import Route, Trajectory, Unmet
 from planner.smoothing import COST_SLACK
@@ -33,7 +35,10 @@ class FusedWork(BeliefWork):
         """Labels of (cell, covariance), then the filter on the lines."""
         p, context = self.problem, self.context
         self.graph = self.free_graph
-        fused = context.fused()
+        fused = context.fused(stop=stop)
+        if fused is None:
+            self.found = without_path(is_complete=False)
+            return self.found
         given = p.start_matrix
         question = FusedQuestion(
             p.start,
@@ -64,6 +69,7 @@ class FusedWork(BeliefWork):
             direct = self._judge(self.plain)
             lines = direct if direct.is_better_than(lines) else lines
         trajectory = self.timed(lines.points)
+        self._known.append((trajectory, lines))
         for space in self.spaces(lines.points):
             smooth = self.smoothed(lines.points, space)
             if smooth is None:
@@ -75,8 +81,17 @@ class FusedWork(BeliefWork):
         return self._told(trajectory), stages
 
     def of_plain(self, points: FloatArray) -> Route:
-        """The shortest way, told by the filter."""
-        return self._told(self.timed(points))
+        """The shortest way, told by the filter where there was time to make it ready."""
+        trajectory = self.timed(points)
+        if not self.is_ready:
+            return annotate(trajectory, self.context, self.free_graph.cost_space, cost=math.nan)
+        self._known.append((trajectory, self._judge(points)))
+        return self._told(trajectory)
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether the filter can be asked."""
+        return hasattr(self, "_judge")
 
     def told(self, route: Route) -> Route:
         """A route made otherwise, told by the filter."""
@@ -88,6 +103,8 @@ class FusedWork(BeliefWork):
 
     def unmet(self, route: Route, *, searched: bool = True) -> tuple[Unmet, ...]:
         """Bounds that the route does not keep by the filter."""
+        if not self.is_ready:
+            return ()
         return unmet_by_filter(self._judged(route.trajectory), self.problem, searched=searched)
 
     def _judged(self, trajectory: Trajectory) -> Judged:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -23,17 +22,11 @@ from planner.cost_to_go import CostToGo, GridGraph
 from planner.fused_belief import FilterModel, FusedField
 from planner.fused_judge import ROUNDING, Judge, Judged
 from planner.fused_search import OPTIMISTIC_PLAY, FusedQuestion, SearchSettings, fused_path
-from planner.kernels.line_cost import motion_rate_cost
+from planner.kernels.straight_lines import line_ends
 from planner.label_search import LabelPath, Stop
 
 # Largest distance of a grid path from its lines that is tried, cells, until the bounds are kept.
 _WITHIN_CELLS = (1.0, 0.5, 0.0)
-# Points of a grid path that one straight line may stand for.
-_WINDOW = 400
-# So many points in a row that do not fit end a line.
-_PATIENCE = 8
-# Means along a line may be larger by this than along the part of the path that it stands for.
-_MORE_HARM = 1.02
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -163,45 +156,7 @@ def straight_lines(
     """
     p = np.array(points, dtype=np.float64, order="C").reshape(-1, 2)
     limit = cost_space.frame.resolution if within is None else within
-    transform = cost_space.transform
-    arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(p, axis=0).T))])
-    sums = [
-        np.concatenate([[0.0], np.cumsum([motion_rate_cost(*a, *b, h, transform) for a, b in pairwise(p)])])
-        for h in harms
-    ]
-
-    def stands_for(i: int, j: int) -> bool:
-        if not (_is_close(p[i : j + 1], limit) and math.isfinite(cost_space.line_cost(p[[i, j]]))):
-            return False
-        more = _MORE_HARM * math.dist(p[i], p[j]) / (arc[j] - arc[i])
-        return all(
-            motion_rate_cost(*p[i], *p[j], h, transform) <= more * (total[j] - total[i]) + ROUNDING
-            for h, total in zip(harms, sums, strict=True)
-        )
-
-    kept, last = [0], len(p) - 1
-    while kept[-1] < last:
-        i = kept[-1]
-        best, missed = i + 1, 0
-        for j in range(i + 2, min(i + _WINDOW, last) + 1):
-            if stands_for(i, j):
-                best, missed = j, 0
-            else:
-                missed += 1
-                if missed > _PATIENCE:
-                    break
-        kept.append(best)
-    return p[kept]
-
-
-def _is_close(p: FloatArray, limit: float) -> bool:
-    """Whether all points (K, 2) lie within about a distance of the line from the first to the last."""
-    way = p[-1] - p[0]
-    length = math.hypot(*way)
-    between = p[1:-1] - p[0]
-    if length == 0.0:
-        return False
-    across = np.abs(between[:, 0] * way[1] - between[:, 1] * way[0])
-    along = between @ way
-    ahead = (along >= -limit * length) & (along <= (length + limit) * length)
-    return bool(ahead.all()) and bool(across.max(initial=0.0) <= limit * length)
+    layers = np.array(harms).reshape(len(harms), *cost_space.frame.shape)
+    kept = np.empty(len(p), dtype=np.int64)
+    count = line_ends(p, limit, layers, kept, *cost_space.kernel_args)
+    return p[kept[:count]]

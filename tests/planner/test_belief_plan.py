@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import sys
+import time
 
 import numpy as np
 import pytest
@@ -17,8 +19,8 @@ from planner.clock import Clock
 from planner.context import PlanningContext
 from planner.errors import InvalidProblem
 from planner.fused_plan import FusedWork
-from planner.label_search import line_stretches
-from planner.plan import plan
+from planner.label_search import line_stretches, without_path
+from planner.plan import plan, warm_up
 from planner.problem import PlanningProblem
 from planner.result import PlanStatus
 from tests.fields import synthetic_field
@@ -40,6 +42,11 @@ HALL = """
     ##########################
 """
 SENSOR = OmnidirectionalSensor(0.004, max_range=8.0)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _compiled():
+    warm_up()
 
 
 def ask(context, start=S, goal=G, radius=0.3, **values):
@@ -236,3 +243,102 @@ def test_a_start_without_a_fix_needs_a_belief(hall):
 def test_impossible_beliefs(values, words):
     with pytest.raises(InvalidProblem, match=words):
         PlanningProblem(S, G, 0.3, **values)
+
+
+def stopped_search(monkeypatch, *, ready=True):
+    """The search ends without a path, as when the deadline comes first."""
+
+    for kind in (FusedWork, BlindWork):
+        inner = kind.search
+        monkeypatch.setattr(kind, "search", lambda work, stop, inner=inner: _late(inner, work, stop, ready))
+
+
+def _late(inner, work, stop, ready):
+    if not ready:
+        return without_path(is_complete=False)
+    inner(work, stop)
+    work.found = without_path(is_complete=False)
+    return work.found
+
+
+@pytest.mark.parametrize("covariance", ["fix", "fused"])
+def test_without_a_path_in_time_the_shortest_one_is_told_with_what_it_breaks(floor, covariance, monkeypatch):
+    stopped_search(monkeypatch)
+    start, goal = LOW
+    asked = {"max_blind_distance": 3.0, "covariance": covariance, "start_covariance": KNOWN}
+    result = ask(floor, start, goal, **asked)
+    assert result.status is PlanStatus.TIMEOUT
+    assert result.route.summary.length == pytest.approx(11.0)
+    assert result.shortest is result.route
+    assert result.route.path.kind == covariance
+    (unmet,) = result.unmet
+    assert unmet.bound == "max_blind_distance_m"
+    assert unmet.value == pytest.approx(11.0)
+    assert unmet.smallest_possible is None
+    (said,) = result.warnings
+    assert "It breaks max_blind_distance_m (11 m instead of 3)" in said
+    loose = ask(floor, start, goal, **{**asked, "max_blind_distance": 20.0})
+    assert loose.unmet == ()
+    assert "keeps all bounds" in loose.warnings[0]
+
+
+def test_without_time_for_the_filter_that_is_said(floor, monkeypatch):
+    stopped_search(monkeypatch, ready=False)
+    start, goal = LOW
+    result = ask(floor, start, goal, covariance="fused", start_covariance=KNOWN, max_r95=0.1)
+    assert result.status is PlanStatus.TIMEOUT
+    assert result.route.path.kind == "fix"
+    assert "not checked" in result.warnings[0]
+
+
+def test_deadlines_leave_time_for_what_follows_the_search(monkeypatch):
+    world = world_from_ascii(FLOOR)
+    sensor = OmnidirectionalSensor(0.004, max_range=3.6)
+    context = PlanningContext(build_field(world, sensor, resolution=0.02))
+    start, goal = LOW
+    asked = {"covariance": "fused", "start_covariance": KNOWN, "objective": "minimax", "radius": 0.3}
+    plan(PlanningProblem(start, goal, deadline=0.05, **asked), PlanningContext(context.field))
+    for deadline in (0.3, 0.6):
+        began = time.monotonic()
+        result = plan(PlanningProblem(start, goal, deadline=deadline, **asked), context)
+        # The search alone takes many seconds.
+        assert time.monotonic() - began < deadline + 0.4
+        assert result.status in {PlanStatus.TIMEOUT, PlanStatus.APPROXIMATE}
+        assert result.route is not None
+
+
+def test_after_warming_up_nothing_is_compiled(floor, ring):
+    """Kernels are compiled for kinds of arguments: a plan must not bring new ones."""
+    warm_up()
+    known = {
+        (name, key): value
+        for name, module in list(sys.modules.items())
+        if ".kernels." in name and name.split(".")[0] in {"maps", "localization", "planner"}
+        for key, value in vars(module).items()
+        if hasattr(value, "signatures")
+    }
+    if not known:
+        pytest.skip("nothing is compiled")
+    before = {name: len(kernel.signatures) for name, kernel in known.items()}
+    start, goal = LOW
+    for objective in ("shortest", "weighted", "minimax"):
+        plan(
+            PlanningProblem(
+                start,
+                goal,
+                0.3,
+                covariance="fused",
+                start_covariance=KNOWN,
+                objective=objective,
+                deadline=20.0,
+            ),
+            floor,
+        )
+    bounds = {"max_r95": 0.1, "max_ellipse95": 0.1, "max_collision_probability": 1e-3}
+    for more in (bounds, {"max_blind_distance": 2.0}):
+        asked = {"covariance": "fused", "start_covariance": KNOWN, "deadline": 20.0} | more
+        plan(PlanningProblem(start, goal, 0.3, **asked), floor)
+    for limit in (1.0, 2.0, 3.5):
+        plan(PlanningProblem(S, G, 0.3, max_blind_distance=limit, deadline=20.0), ring)
+    after = {name: len(kernel.signatures) for name, kernel in known.items()}
+    assert after == before
