@@ -10,7 +10,7 @@ from planner.blind_plan import BlindWork
 from planner.clock import Clock
 from planner.context import PlanningContext
 from planner.fused_plan import FusedWork
-from planner.problem import PlanningProblem
+from planner.problem import MAX_DEADLINE_S, PlanningProblem
 from planner.result import PlanResult, PlanStatus, Route
 
 Baseline = Callable[[], Route | None]
@@ -116,3 +116,16 @@ def _no_path(problem: PlanningProblem, clock: Clock) -> PlanResult:
     return PlanResult(
         PlanStatus.NO_PATH, None, None, None, "label_search", warnings=(said,), stats=clock.stats()
     )
+
+
+def warm_up(context: PlanningContext) -> None:
+    """Compile or load what plans over beliefs need, in a room of at least 6 m × 6 m."""
+    start, goal = (1.0, 1.0), (5.0, 5.0)
+    problems = (
+        PlanningProblem(
+            start, goal, 0.2, covariance="fused", max_collision_probability=0.5, max_blind_distance=1.0
+        ),
+        PlanningProblem(start, goal, 0.2, max_blind_distance=1.0),
+    )
+    for problem in problems:
+        plan_by_belief(problem, context, Clock(MAX_DEADLINE_S), baseline=lambda: None)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from planner import sampling, smoothing
 from planner.annotate import annotate
 from planner.any_angle import shorten
 from planner.belief_plan import plan_by_belief
+from planner.belief_plan import warm_up as warm_up_beliefs
 from planner.clock import Clock
 from planner.context import PlanningContext
 from planner.ends import check_ends
@@ -33,12 +33,6 @@ from planner.unmet import keeps_risk, unmet_bounds
 from planner.via import plan_via
 
 Report = Callable[[PlanResult], None]
-
-# Questions that need every kernel of the searches over beliefs.
-_BY_BELIEF: tuple[dict[str, Any], ...] = (
-    {"covariance": "fused", "max_collision_probability": 0.5, "max_blind_distance": 1.0},
-    {"max_blind_distance": 1.0},
-)
 
 # Shares of the deadline at which sampling and smoothing end: of the route, then of the shortest one. Sampling
 # gains a percent; without smoothing the robot stops at every corner.
@@ -424,5 +418,4 @@ def warm_up() -> None:
             context,
             report=lambda _: None,
         )
-    for asked in _BY_BELIEF:
-        plan(PlanningProblem((1.0, 1.0), (5.0, 5.0), 0.2, deadline=30.0, **asked), context)
+    warm_up_beliefs(context)
