@@ -8,11 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from maps.arrays import FloatArray
-from planner import sampling, smoothing
+from planner import belief_plan, sampling, smoothing
 from planner.annotate import annotate
 from planner.any_angle import shorten
-from planner.belief_plan import plan_by_belief
-from planner.belief_plan import warm_up as warm_up_beliefs
 from planner.clock import Clock
 from planner.context import PlanningContext
 from planner.ends import check_ends
@@ -306,7 +304,7 @@ def _special(problem: PlanningProblem, context: PlanningContext, clock: Clock) -
     if by_pose:
         return plan_with_poses(problem, context, clock, headings=context.headings, baseline=baseline)
     if by_belief:
-        return plan_by_belief(problem, context, clock, baseline=baseline)
+        return belief_plan.plan_by_belief(problem, context, clock, baseline=baseline)
     return None
 
 
@@ -418,4 +416,4 @@ def warm_up() -> None:
             context,
             report=lambda _: None,
         )
-    warm_up_beliefs(context)
+    belief_plan.warm_up(context)

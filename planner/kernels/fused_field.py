@@ -26,10 +26,13 @@ def fix_information(
     0 where that variance counts all around. Returns whether it came to its end before ``stop`` (1,) was set.
     """
     ny, nx = widening.shape
-    padded[:] = 0.0
+    # Row by row: the first touch of so much memory takes time that a stop must be able to cut short.
+    padded[: nx + 2] = 0.0
+    padded[(ny + 1) * (nx + 2) :] = 0.0
     for row in range(ny):
         if stop[0] != 0:
             return False
+        padded[(row + 1) * (nx + 2) : (row + 2) * (nx + 2)] = 0.0
         for col in range(nx):
             widening[row, col] = np.nan
             P = covariance[row, col]
