@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
 
 from planner.belief_words import without_search
 from planner.belief_work import SEARCH_SHARE, BeliefWork
 from planner.blind_plan import BlindWork
 from planner.clock import Clock
 from planner.context import PlanningContext
+from planner.dead_reckoning import with_dead_reckoning
 from planner.fused_plan import FusedWork
 from planner.problem import MAX_DEADLINE_S, PlanningProblem
 from planner.result import PlanResult, PlanStatus, Route
@@ -128,4 +132,8 @@ def warm_up(context: PlanningContext) -> None:
         PlanningProblem(start, goal, 0.2, max_blind_distance=1.0),
     )
     for problem in problems:
-        plan_by_belief(problem, context, Clock(MAX_DEADLINE_S), baseline=lambda: None)
+        made = plan_by_belief(problem, context, Clock(MAX_DEADLINE_S), baseline=lambda: None)
+        if made.route is not None:
+            known = np.arange(len(made.route.path.s)) % 3 == 0
+            blind = replace(made.route, path=replace(made.route.path, has_fix=known))
+            with_dead_reckoning(blind, context, problem.odometry, None)

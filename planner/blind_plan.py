@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +13,8 @@ from planner.annotate import annotate
 from planner.any_angle import shorten
 from planner.belief_words import bounds_of_cells_missed, unmet_blind_distance
 from planner.belief_work import SHAPE_SHARE, BeliefWork
+from planner.cost_space import CostSpace
+from planner.dead_reckoning import with_dead_reckoning
 from planner.fused_verify import straight_lines
 from planner.label_search import LabelPath, Stop, Stretches, blind_path, line_stretches
 from planner.result import Route, Unmet
@@ -27,12 +30,11 @@ class BlindWork(BeliefWork):
     def search(self, stop: Stop) -> LabelPath:
         """Labels of (cell, metres since the last fix)."""
         p, context = self.problem, self.context
-        blind = _BLIND_R95 if p.blind_r95 is None else p.blind_r95
         self.graph = context.graph(
             radius=p.radius,
             weight=p.effective_weight,
             max_r95=p.max_r95,
-            blind_rate=1.0 + p.effective_weight * blind,
+            blind_rate=self._blind_rate,
             extras=p.extras,
         )
         to_go = context.costs_to(self.graph, p.goal, stop=stop)
@@ -54,7 +56,7 @@ class BlindWork(BeliefWork):
                 trajectory = smooth
                 stages.append("casadi")
                 break
-        return annotate(trajectory, self.context, space), stages
+        return self.told(annotate(trajectory, self.context, space)), stages
 
     def _lines(self) -> tuple[FloatArray, list[str]]:
         """The search's path pulled taut, or drawn straight, or as it is: the first that keeps the bound."""
@@ -77,8 +79,10 @@ class BlindWork(BeliefWork):
         return True
 
     def told(self, route: Route) -> Route:
-        """Single fixes need no telling."""
-        return route
+        """A route made otherwise, with this question's cost, and dead reckoning where there is no fix."""
+        cost = self._cost_space.line_cost(route.trajectory.points)
+        route = replace(route, summary=replace(route.summary, cost=cost))
+        return with_dead_reckoning(route, self.context, self.problem.odometry, self.problem.start_matrix)
 
     def prefers(self, other: Route, route: Route) -> bool:
         """Whether another route keeps the bounds as well and costs less."""
@@ -94,6 +98,22 @@ class BlindWork(BeliefWork):
             return out
         possible = self.found.longest_blind if searched else None
         return (*out, unmet_blind_distance(route, lines, self._asked, possible))
+
+    @property
+    def _cost_space(self) -> CostSpace:
+        """Where lines cost what was asked for, bounds left aside."""
+        p = self.problem
+        return self.context.graph(
+            radius=p.radius,
+            weight=p.effective_weight,
+            blind_rate=self._blind_rate,
+            extras=p.extras.without_bounds(),
+        ).cost_space
+
+    @property
+    def _blind_rate(self) -> float:
+        blind = self.problem.blind_r95
+        return 1.0 + self.problem.effective_weight * (_BLIND_R95 if blind is None else blind)
 
     @property
     def _asked(self) -> float:

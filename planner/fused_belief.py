@@ -188,6 +188,28 @@ class FusedField:
         return self.field.method.estimator == "all_visible"
 
 
+def fix_covariance_in(field: UncertaintyField, row: int, col: int) -> FloatArray:
+    """Covariance (3, 3) of one fix in a cell that has one, m², m rad, rad²: as of :class:`FusedField`."""
+    f, landmarks = field.frame, field.world.landmarks
+    corner = f.to_world(np.array([float(col), float(row)]))
+    padded, widening = np.empty((9, 6)), np.empty((1, 1))
+    one = np.s_[row : row + 1, col : col + 1]
+    fix_information(
+        field.triplet[one],
+        field.covariance[one],
+        field.sigma_theta[one],
+        field.pan[one],
+        np.array([*corner, math.cos(f.yaw), math.sin(f.yaw), f.resolution]),
+        landmarks.positions,
+        landmarks.sigma**2,
+        _numbers(field.sensor, field.heading),
+        padded,
+        widening,
+        np.zeros(1, dtype=np.uint8),
+    )
+    return np.asarray(np.linalg.inv(as_matrices(padded[4])))
+
+
 def as_matrices(packed: FloatArray) -> FloatArray:
     """Symmetric matrices (..., 3, 3) of xx, xy, yy, xθ, yθ, θθ (..., 6)."""
     return np.asarray(packed[..., [[0, 1, 3], [1, 2, 4], [3, 4, 5]]])

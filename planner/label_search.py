@@ -293,6 +293,7 @@ class _BlindSearch:
             costs = np.empty(len(half))
             seeds, seed_costs = ends.goals, ends.goal_costs
             one_to_all(half, graph.width, seeds, seed_costs, graph.smallest, math.inf, self.stop, costs)
+            costs.flags.writeable = False  # as costs to go are: one kind of argument, one compilation
         starts = _rows(ends.starts, ends.start_costs, ends.start_lines, limit, "last")
         goals = _rows(ends.goals, ends.goal_costs, ends.goal_lines, limit, "first")
         outcome, cost, walked, since = least_blind(

@@ -11,7 +11,7 @@ import numpy as np
 from localization import covariance as cov
 from localization.heading_field import HeadingField
 from maps.arrays import FloatArray, IntArray
-from planner.annotate import annotate
+from planner.annotate import annotate, longest_run
 from planner.clock import Clock
 from planner.context import PlanningContext
 from planner.cost_space import CostSpace
@@ -271,6 +271,7 @@ class _Work:
             pan=pan,
             collision_probability=risk.tight,
             collision_bound=risk.rigorous,
+            has_fix=None,
         )
         every, _, _ = at(np.asarray(motion.poses))
         r95 = cov.r95(every)
@@ -290,6 +291,7 @@ class _Work:
             max_ellipse95=float(cov.ellipse95(every[known])[:, 0].max()) if some else None,
             worst_at=float(arc[worst]) if some else None,
             blind=float(share[~known].sum()),
+            longest_blind=longest_run(~known, share),
             max_collision_probability=float(np.nanmax(risk.tight)) if np.isfinite(risk.tight).any() else None,
             max_collision_bound=float(np.nanmax(risk.rigorous)) if np.isfinite(risk.rigorous).any() else None,
         )
@@ -317,6 +319,12 @@ class _Work:
                 f"No way for this robot keeps {name} at {limit:g}; the route returned, the cheapest without "
                 f"bounds, reaches {round_up(value)}, worst at ({x:.2f}, {y:.2f}) m."
             )
+            if name == "blind":
+                message = (
+                    "No way for this robot has a fix everywhere; the route returned, the cheapest without "
+                    f"bounds, drives {round_up(value)} m without one, first at ({x:.2f}, {y:.2f}) m. Give "
+                    "blind_r95_m to accept such stretches at a cost, or place landmarks there."
+                )
             out.append(Unmet(name, limit, value, (float(x), float(y)), None, message))
         return tuple(out)
 

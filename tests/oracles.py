@@ -1014,6 +1014,28 @@ def belief_after(P, direction, d, turn, driven, *, fixes, sigmas, period, parts=
     return P, driven, worst
 
 
+def dead_reckoning(fixes, steps, directions, sigmas):
+    """Covariances (3, 3) or None along a way: the fix (or None) of each place, else odometry since the last."""
+    out = [fixes[0]]
+    for k in range(1, len(fixes)):
+        if fixes[k] is not None or out[-1] is None:
+            out.append(fixes[k])
+            continue
+        turn = 0.0 if k == 1 else abs(math.remainder(directions[k - 1] - directions[k - 2], 2 * math.pi))
+        P, _, _ = belief_after(
+            out[-1],
+            directions[k - 1],
+            steps[k - 1],
+            turn,
+            0.0,
+            fixes=(None, None),
+            sigmas=sigmas,
+            period=math.inf,
+        )
+        out.append(P)
+    return out
+
+
 def every_fused_walk(
     passable, fixes, source, target, P, *, resolution, weight, max_r95, sigmas, period, most
 ):
