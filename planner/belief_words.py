@@ -37,7 +37,8 @@ def unmet_by_filter(judged: Judged, problem: PlanningProblem, *, searched: bool)
     """
     length = float(judged.along[-1])
     missed = [r for r in judged.reached if not r.is_kept]
-    several = searched and len(judged.reached) > 1
+    # The start breaks a bound whatever the others are.
+    several = searched and sum(r.at > _AT_END_M or r.bound == _BLIND for r in missed) > 1
     out = []
     for r in missed:
         words, unit = _WORDS[r.bound]

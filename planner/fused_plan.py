@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
+from localization import covariance as cov
 from maps.arrays import FloatArray
 from planner.annotate import annotate
 from planner.belief_words import unmet_by_filter
 from planner.belief_work import SHAPE_SHARE, BeliefWork
 from planner.clock import Clock
 from planner.context import PlanningContext
-from planner.fused_belief import FilterModel
-from planner.fused_judge import ROUNDING, Judge, Judged
+from planner.fused_belief import FilterModel, as_packed
+from planner.fused_judge import ROUNDING, Judge, Judged, Reached
 from planner.fused_route import with_belief
 from planner.fused_search import FusedQuestion
 from planner.fused_verify import verified_path
@@ -19,6 +21,9 @@ from planner.label_search import LabelPath, Stop, without_path
 from planner.problem import PlanningProblem
 from planner.result import Route, Trajectory, Unmet
 from planner.smoothing import COST_SLACK
+
+# A start that breaks a bound may grow by this factor until the first fix, and counts as the start still.
+_FIRST_METRES = 1.02
 
 
 class FusedWork(BeliefWork):
@@ -30,6 +35,8 @@ class FusedWork(BeliefWork):
     def __init__(self, problem: PlanningProblem, context: PlanningContext, clock: Clock) -> None:
         super().__init__(problem, context, clock)
         self._known: list[tuple[Trajectory, Judged]] = []
+        #: Bounds that the start itself breaks: as asked for, and as searched.
+        self._raised: dict[str, tuple[float, float]] = {}
 
     def search(self, stop: Stop) -> LabelPath:
         """Labels of (cell, covariance), then the filter on the lines."""
@@ -40,16 +47,25 @@ class FusedWork(BeliefWork):
             self.found = without_path(is_complete=False)
             return self.found
         given = p.start_matrix
+        start = fused.fix_covariance(p.start) if given is None else given
+        # What the start itself breaks no path keeps; it must not loosen the other bounds.
+        at_start = {"max_r95": cov.r95(_position(start)), "max_ellipse95": cov.ellipse95(_position(start))[0]}
+        asked = {name: getattr(p, name) for name in at_start}
+        self._raised = {
+            name: (asked[name], _FIRST_METRES * float(least))
+            for name, least in at_start.items()
+            if asked[name] and least > asked[name]
+        }
+        kept = asked | {name: raised for name, (_, raised) in self._raised.items()}
         question = FusedQuestion(
             p.start,
             p.goal,
-            covariance=fused.fix_covariance(p.start) if given is None else given,
+            covariance=start,
             objective=p.objective,
             weight=p.effective_weight,
-            max_r95=p.max_r95,
-            max_ellipse95=p.max_ellipse95,
             max_collision_probability=p.max_collision_probability,
             max_blind_distance=p.max_blind_distance,
+            **kept,
         )
         model = FilterModel(p.odometry, p.fix_rate, p.max_speed, p.turn_rate)
         self._judge = Judge(self.graph.cost_space, fused, model, question)
@@ -105,7 +121,18 @@ class FusedWork(BeliefWork):
         """Bounds that the route does not keep by the filter."""
         if not self.is_ready:
             return ()
-        return unmet_by_filter(self._judged(route.trajectory), self.problem, searched=searched)
+        judged = self._judged(route.trajectory)
+        reached = tuple(self._as_asked(r) for r in judged.reached)
+        return unmet_by_filter(replace(judged, reached=reached), self.problem, searched=searched)
+
+    def _as_asked(self, reached: Reached) -> Reached:
+        """Against the bound that was asked for, where the start itself breaks it."""
+        name = reached.bound.removesuffix("_m")
+        if name not in self._raised:
+            return reached
+        asked, raised = self._raised[name]
+        against = replace(reached, asked=asked, ratio=reached.value / asked)
+        return against if reached.value > raised else replace(against, place=self.problem.start, at=0.0)
 
     def _judged(self, trajectory: Trajectory) -> Judged:
         for known, judged in self._known:
@@ -129,3 +156,8 @@ class FusedWork(BeliefWork):
         judged = self._judged(trajectory)
         route = annotate(trajectory, self.context, self.graph.cost_space, cost=judged.cost)
         return with_belief(route, judged.belief, self.context, self.problem.radius)
+
+
+def _position(covariance: FloatArray) -> FloatArray:
+    """xx, xy, yy of a covariance (3, 3)."""
+    return as_packed(covariance)[:3]

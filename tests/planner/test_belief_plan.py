@@ -25,6 +25,7 @@ from planner.label_search import line_stretches, without_path
 from planner.plan import plan, warm_up
 from planner.problem import PlanningProblem
 from planner.result import PlanStatus
+from planner.unmet import round_up
 from tests.fields import synthetic_field
 from tests.planner.test_plan import RING, G, S
 from tests.worlds import world_from_ascii
@@ -244,6 +245,54 @@ def test_the_shortest_route_is_taken_where_it_is_better(hall):
     direct, detour = (work.of_plain(np.array(p)) for p in ([start, goal], [start, (6.0, 3.3), goal]))
     assert work.prefers(direct, detour)
     assert not work.prefers(detour, direct)
+
+
+def test_what_the_start_breaks_is_said_and_does_not_loosen_the_rest(floor):
+    start, goal = (4.0, 4.0), LOW[1]
+    lost = (0.04, 0.0, 0.04, 0.0, 0.0, 1e-4)
+    result = ask(
+        floor,
+        start,
+        goal,
+        covariance="fused",
+        objective="shortest",
+        start_covariance=lost,
+        max_r95=0.1,
+        max_blind_distance=3.0,
+    )
+    assert result.status is PlanStatus.RISK_UNMET
+    (unmet,) = result.unmet
+    assert unmet.bound == "max_r95_m"
+    assert unmet.limit == 0.1
+    assert unmet.place == pytest.approx(start)
+    assert unmet.smallest_possible >= math.sqrt(0.04 * -2 * math.log(0.05)) * (1 - 1e-9)
+    assert result.route.summary.longest_blind <= 3.0
+
+
+@pytest.mark.parametrize(("at_goal", "words"), [(True, "at the goal itself"), (False, "after ")])
+def test_where_a_bound_fails_and_what_is_possible(floor, at_goal, words):
+    start, goal = LOW
+    ends = (start, goal) if at_goal else (start, (12.5, 4.5))
+    asked = {"covariance": "fused", "start_covariance": KNOWN, "odometry": OdometryModel(0.1, 0.1, 0.1)}
+    result = ask(floor, *ends, max_r95=0.05, **asked)
+    (unmet,) = result.unmet
+    assert words in unmet.message
+    assert f"Raise max_r95_m to {round_up(unmet.value)}" in unmet.message
+    assert unmet.smallest_possible == unmet.value == result.route.summary.max_r95
+    # What is said to be possible is.
+    again = ask(floor, *ends, max_r95=float(round_up(unmet.value)), **asked)
+    assert again.status is PlanStatus.EXACT
+
+
+def test_several_bounds_are_widened_together(floor):
+    start, goal = LOW
+    result = ask(
+        floor, start, goal, covariance="fused", start_covariance=KNOWN, max_r95=0.05, max_blind_distance=0.5
+    )
+    assert {u.bound for u in result.unmet} == {"max_r95_m", "max_blind_distance_m"}
+    assert all("one factor" in u.message for u in result.unmet)
+    (blind,) = (u for u in result.unmet if u.bound == "max_blind_distance_m")
+    assert "m without a fix, from (" in blind.message
 
 
 def test_a_start_without_a_fix_needs_a_belief(hall):
