@@ -18,6 +18,7 @@ from planner.plan import plan
 from planner.pose_question import plan_with_poses
 from planner.problem import PlanningProblem
 from planner.result import PlanStatus
+from planner.unmet import round_up
 from tests.fields import synthetic_field
 from tests.worlds import world_from_ascii
 
@@ -99,6 +100,18 @@ def test_bounds_that_leave_no_way_are_dropped_and_named():
     assert result.status is PlanStatus.RISK_UNMET
     assert result.unmet[0].bound == "max_r95_m"
     assert result.unmet[0].value > 0.2
+
+
+def test_a_way_without_fixes_is_told_in_metres():
+    context = room(lambda x, y: np.where((y > 2.0) & (y < 3.5), np.nan, 0.02) + 0 * x)
+    result = ask(context, kinematics="differential", start_heading=0.0)
+    assert result.status is PlanStatus.RISK_UNMET
+    (unmet,) = result.unmet
+    assert unmet.bound == "blind"
+    assert unmet.value == pytest.approx(result.route.summary.blind)
+    assert result.route.summary.longest_blind == pytest.approx(unmet.value)
+    assert f"drives {round_up(unmet.value)} m without one, first at (" in unmet.message
+    assert "keeps blind" not in unmet.message
 
 
 HALL = """
