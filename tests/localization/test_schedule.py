@@ -23,7 +23,6 @@ from localization.sensors import LASER, Mount, OmnidirectionalSensor, PinholeFix
 from localization.tiles import compute_tile
 from localization.triplets import best_triplet, pack_masks
 from maps.visibility import visible_landmarks
-from tests.oracles import fix_of_three
 from tests.worlds import world_from_ascii
 
 HALL = """
@@ -100,30 +99,6 @@ def test_triplets_without_a_fix_are_left_out():
     schedule = schedule_of_triplets(drive, [[0, 2, 6], [-1, -1, -1]], world.landmarks, CAMERA)
     assert (schedule.landmarks == -1).all()
     assert np.isnan(schedule.variances).all()
-
-
-@pytest.mark.parametrize(
-    "sensor",
-    [
-        CAMERA,
-        LASER,
-        PinholeFixedSensor(2.6, 512.0, 5.0, bearing_floor=0.003, mount=Mount(0.3, -0.2, 0.5)),
-    ],
-)
-def test_variances_of_triplets_are_those_of_single_fixes(sensor):
-    world = world_from_ascii(HALL)
-    rng = np.random.default_rng(3)
-    n = len(world.landmarks)
-    poses = np.column_stack([rng.uniform(1.0, 8.0, 200), rng.uniform(1.0, 3.0, 200), rng.uniform(-3, 3, 200)])
-    triplets = np.array([rng.choice(n, size=3, replace=False) for _ in poses])
-    schedule = schedule_of_triplets(Drive(poses, np.arange(200.0)), triplets, world.landmarks, sensor)
-    assert np.isfinite(schedule.variances).any()
-    sigmas = world.landmarks.sigma
-    for pose, triplet, variances in zip(poses, triplets, schedule.variances, strict=True):
-        fix = fix_of_three(pose[:2], world.landmarks.positions[triplet], sigmas[triplet], sensor, pose[2])
-        assert (fix is None) == np.isnan(variances).all()
-        if fix is not None:
-            assert np.allclose(variances, fix[1], rtol=1e-9)
 
 
 def test_impossible_values_are_refused():

@@ -8,6 +8,7 @@ import sys
 import time
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 
@@ -45,6 +46,9 @@ HALL = """
     ##########################
 """
 SENSOR = OmnidirectionalSensor(0.004, max_range=8.0)
+
+
+COMPILED = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="of compiled kernels")
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -362,6 +366,7 @@ def test_without_time_for_the_filter_that_is_said(floor, monkeypatch):
     assert "not checked" in result.warnings[0]
 
 
+@COMPILED
 def test_deadlines_leave_time_for_what_follows_the_search(monkeypatch):
     world = world_from_ascii(FLOOR)
     sensor = OmnidirectionalSensor(0.004, max_range=3.6)
@@ -406,6 +411,7 @@ def kernels_compiled_after_warming_up():
     return before, [n for n, kernel in kernels.items() if len(kernel.signatures) > before[n]]
 
 
+@COMPILED
 def test_after_warming_up_nothing_is_compiled():
     """Kernels are compiled for kinds of arguments: a plan must not bring new ones (other tests may have)."""
     code = (
@@ -415,6 +421,5 @@ def test_after_warming_up_nothing_is_compiled():
     root = Path(__file__).parents[2]
     done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True)
     count, late = done.stdout.strip().split(" ", 1)
-    if count == "0":
-        pytest.skip("nothing is compiled")
+    assert int(count) > 50
     assert late == "[]"

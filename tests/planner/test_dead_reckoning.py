@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
@@ -14,10 +12,8 @@ from localization.sensors import OmnidirectionalSensor
 from planner.annotate import annotate, longest_run
 from planner.context import PlanningContext
 from planner.dead_reckoning import with_dead_reckoning
-from planner.fused_belief import FusedField, as_matrices, as_packed, fix_covariance_in
-from planner.kernels.belief import reckoned
+from planner.fused_belief import FusedField, as_matrices, fix_covariance_in
 from planner.timing import time_polyline
-from tests.oracles import dead_reckoning
 from tests.planner.test_belief_plan import FLOOR
 from tests.worlds import world_from_ascii
 
@@ -33,32 +29,6 @@ def floor():
 def route_of(context, points):
     space = context.graph(radius=0.3, weight=0.0, blind_rate=1.0).cost_space
     return annotate(time_polyline(np.array(points), max_speed=1.0, max_accel=1.0), context, space)
-
-
-def test_covariances_are_those_of_the_oracle():
-    rng = np.random.default_rng(4)
-    for _ in range(20):
-        n = 12
-        fixes = np.full((n, 6), np.nan)
-        some = rng.random(n) < 0.3
-        for k in np.flatnonzero(some):
-            root = rng.normal(size=(3, 3)) * (0.1, 0.1, 0.02)
-            fixes[k] = as_packed(root @ root.T)
-        steps, directions = rng.uniform(0.0, 1.0, n - 1), rng.uniform(-math.pi, math.pi, n - 1)
-        out = np.empty((n, 6))
-        reckoned(fixes, steps, directions, ODOMETRY.kernel_args, out)
-        expected = dead_reckoning(
-            [as_matrices(f) if k else None for f, k in zip(fixes, some, strict=True)],
-            steps,
-            directions,
-            (0.05, 0.06, 0.03, 0.02),
-        )
-        for got, want in zip(out, expected, strict=True):
-            if want is None:
-                assert np.isnan(got).all()
-            else:
-                # The oracle drives in four pieces.
-                assert np.allclose(as_matrices(got), want, rtol=1e-9, atol=1e-12)
 
 
 def test_stretches_without_a_fix_grow_from_the_last_one(floor):
