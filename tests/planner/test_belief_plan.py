@@ -378,7 +378,7 @@ def test_deadlines_leave_time_for_what_follows_the_search(monkeypatch):
         began = time.monotonic()
         result = plan(PlanningProblem(start, goal, deadline=deadline, **asked), context)
         # The search alone takes many seconds.
-        assert time.monotonic() - began < deadline + 0.4
+        assert time.monotonic() - began < deadline + 0.8
         assert result.status in {PlanStatus.TIMEOUT, PlanStatus.APPROXIMATE}
         assert result.route is not None
 
