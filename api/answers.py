@@ -212,7 +212,8 @@ class Uncertainty(Answer):
     max_r95_m: float | None
     max_area95_m2: float | None
     max_ellipse95_m: float | None
-    blind_m: float
+    blind_m: float = Field(description="Metres without a fix, in all.")
+    longest_blind_m: float = Field(description="The longest stretch without a fix.")
     worst_at_m: float | None = Field(description="Arc length of the worst place.")
 
 
@@ -235,6 +236,10 @@ class Waypoint(Answer):
     s_m: float | None
     t_s: float | None
     covariance: list[float] | None
+    covariance_of: str | None = Field(
+        description="fix: one fix here; fused: the filter, with a fix here; dead_reckoning: the last fix (or "
+        "the belief at the start) and odometry since, told with max_blind_distance_m and for fused."
+    )
     r95_m: float | None
     sigma_max_m: float | None
     ellipse95: dict[str, float] | None
@@ -327,7 +332,14 @@ class Plan(Answer):
     request: dict[str, Any] = Field(description="The question, every default filled in.")
     routes: list[Route] = Field(description="The best first, then alternatives by cost; a front by length.")
     shortest_baseline: Baseline | None = Field(description="Shortest route of the robot, to compare with.")
-    grid_cost: float | None
+    grid_cost: float | None = Field(
+        description="Of the optimal path on the grid (8 directions) for the same question, by its objective; "
+        "null where none was proven."
+    )
+    gap: float | None = Field(
+        description="Cost of the first route over grid_cost, minus 1; below 0 where smoothing made it "
+        "cheaper than any path on the grid. null where grid_cost is, or the route has no cost."
+    )
     unmet: list[Unmet]
     warnings: list[str]
 

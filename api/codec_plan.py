@@ -90,6 +90,7 @@ def plan_to_json(
         if result.shortest is None
         else route_to_json(result.shortest, names, with_trajectory=False),
         "grid_cost": number(result.grid_cost),
+        "gap": number(result.gap),
         "unmet": [_unmet(u) for u in result.unmet],
         "warnings": [*warnings, *result.warnings],
     }
@@ -228,6 +229,7 @@ def _figures(summary: RouteSummary) -> dict[str, Any]:
             "max_area95_m2": number(summary.max_area95),
             "max_ellipse95_m": number(summary.max_ellipse95),
             "blind_m": number(summary.blind),
+            "longest_blind_m": number(summary.longest_blind),
             "worst_at_m": number(summary.worst_at),
         },
         "risk": {
@@ -251,10 +253,11 @@ def _path(path: Path, trajectory: Trajectory, names: Sequence[str]) -> list[dict
         numbers(_rounded(path.clearance)),
         numbers(_rounded(path.collision_probability, 12)),
         numbers(_rounded(_times_at(path.s, trajectory))),
+        [path.kind if known else "dead_reckoning" for known in np.asarray(path.has_fix).tolist()],
         strict=True,
     )
     out = []
-    for (x, y), s, theta, c, r95, sigma, (a, b, azimuth), triplet, pan, clearance, risk, t in columns:
+    for (x, y), s, theta, c, r95, sigma, (a, b, azimuth), triplet, pan, clearance, risk, t, of in columns:
         blind = not math.isfinite(c[0])
         out.append(
             {
@@ -264,6 +267,7 @@ def _path(path: Path, trajectory: Trajectory, names: Sequence[str]) -> list[dict
                 "s_m": s,
                 "t_s": t,
                 "covariance": None if blind else c,
+                "covariance_of": None if blind else of,
                 "r95_m": None if blind else r95,
                 "sigma_max_m": None if blind else sigma,
                 "ellipse95": None if blind else {"a_m": a, "b_m": b, "theta_rad": azimuth},

@@ -18,6 +18,7 @@ from localization.uncertainty_field import UncertaintyField
 out = Console()
 err = Console(stderr=True)
 
+_LONGEST = "longest without a fix [m]"
 #: Figures of a route: name, digits, where they stand in the answer.
 _ROWS: list[tuple[str, int, Callable[[dict[str, Any]], float | None]]] = [
     ("length [m]", 2, lambda r: r["length_m"]),
@@ -26,6 +27,7 @@ _ROWS: list[tuple[str, int, Callable[[dict[str, Any]], float | None]]] = [
     ("worst r95 [m]", 4, lambda r: r["uncertainty"]["max_r95_m"]),
     ("worst ellipse area [m²]", 4, lambda r: r["uncertainty"]["max_area95_m2"]),
     ("without a fix [m]", 2, lambda r: r["uncertainty"]["blind_m"]),
+    (_LONGEST, 2, lambda r: r["uncertainty"]["longest_blind_m"]),
     ("least clearance [m]", 3, lambda r: r["min_clearance_m"]),
 ]
 # Stretches without a fix.
@@ -128,6 +130,8 @@ def comparison_table(answer: dict[str, Any]) -> Table:
     for name, digits, read in _ROWS:
         a = read(shortest) if shortest else None
         b = read(chosen)
+        if name == _LONGEST and not (a or b):
+            continue
         change = f"{100 * (b - a) / a:+.1f} %" if a and b is not None else ""
         table.add_row(escape(name), *(_cell(v, digits) for v in (a, b)), change)
     return table
@@ -141,7 +145,7 @@ def routes_table(answer: dict[str, Any]) -> Table:
     table = Table()
     for name in ("route", "m", "s", "mean r95", "worst r95", "no fix", "clear", last):
         table.add_column(name, justify="right")
-    rows = [row for row in _ROWS if "area" not in row[0]]
+    rows = [row for row in _ROWS if "area" not in row[0] and row[0] != _LONGEST]
     for number, route in enumerate(routes, 1):
         cells = [_cell(read(route), digits) for _, digits, read in rows]
         table.add_row(str(number), *cells, _of_list(route))

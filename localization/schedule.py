@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from localization.errors import LocalizationError
 from localization.kernels.field import in_view
-from localization.kernels.fix import triplet_fix
+from localization.kernels.schedule import triplet_variances
 from localization.sensors import (
     CENTRE,
     Mount,
@@ -134,24 +134,23 @@ def drive_along(
             f"A path of {np.sum(length):.0f} m has too many stations; the limit is {MAX_STATIONS}."
         )
     moving = np.flatnonzero(length > 0)
-    azimuths = np.arctan2(legs[:, 1], legs[:, 0])
-    heading = float(azimuths[moving[0]]) if len(moving) else 0.0
-    poses, times = [np.array([[p[0, 0], p[0, 1], heading]])], [np.zeros(1)]
-    now = 0.0
-    for i in moving:
-        turn = float(wrap(azimuths[i] - heading))
-        n = math.ceil(abs(turn) / spacing_rad)
-        share = np.arange(1, n + 1) / max(n, 1)
-        poses.append(np.column_stack([np.tile(p[i], (n, 1)), wrap(heading + share * turn)]))
-        times.append(now + share * abs(turn) / turn_rate)
-        now += abs(turn) / turn_rate
-        heading = float(azimuths[i])
-        n = math.ceil(length[i] / spacing)
-        share = np.arange(1, n + 1) / n
-        poses.append(np.column_stack([p[i] + share[:, None] * legs[i], np.full(n, heading)]))
-        times.append(now + share * length[i] / speed)
-        now += length[i] / speed
-    return Drive(np.concatenate(poses), np.concatenate(times))
+    azimuths = np.arctan2(legs[moving, 1], legs[moving, 0])
+    heading = float(azimuths[0]) if len(moving) else 0.0
+    turns = np.asarray(wrap(np.diff(azimuths, prepend=heading)))
+    # Every leg is a turn on the spot, which may be none, and a straight way.
+    counts = np.ceil(np.column_stack([np.abs(turns) / spacing_rad, length[moving] / spacing])).astype(int)
+    seconds = np.column_stack([np.abs(turns) / turn_rate, length[moving] / speed])
+    part = np.repeat(np.arange(2 * len(moving)), counts.ravel())
+    leg, is_way = part // 2, part % 2 == 1
+    before = np.cumsum(counts.ravel()) - counts.ravel()
+    share = (np.arange(len(part)) - before[part] + 1) / counts.ravel()[part]
+    begun = np.concatenate([[0.0], np.cumsum(seconds.ravel())])
+    places = p[moving][leg] + np.where(is_way, share, 0.0)[:, None] * legs[moving][leg]
+    came_from = np.concatenate([[heading], azimuths[:-1]])
+    headings = np.where(is_way, azimuths[leg], wrap(came_from[leg] + share * turns[leg]))
+    poses = np.column_stack([places, headings])
+    times = begun[part] + share * seconds.ravel()[part]
+    return Drive(np.concatenate([[[p[0, 0], p[0, 1], heading]], poses]), np.concatenate([np.zeros(1), times]))
 
 
 def schedule_of_triplets(
@@ -170,16 +169,15 @@ def schedule_of_triplets(
     index = np.where(known[:, None], t, -1)
     places = np.where(known[:, None, None], landmarks.positions[np.maximum(index, 0)], np.nan)
     variances = np.full(t.shape, np.nan)
-    survey = landmarks.sigma**2
-    for k in np.flatnonzero(known):
-        x, y, heading = (float(v) for v in drive.poses[k])
-        i, j, m = (int(v) for v in index[k])
-        args = kernel_args(sensor, heading)
-        at = np.array([x, y]) + sensor.mount.offset(heading)
-        xx, _, _, _, pan = triplet_fix(at[0], at[1], i, j, m, landmarks.positions, survey, args)
-        if not math.isnan(xx):
-            axis = heading + sensor.mount.theta + (0.0 if math.isnan(pan) else pan)
-            variances[k] = _bearing_variances(sensor, places[k] - at, axis, survey[index[k]])
+    triplet_variances(
+        drive.poses,
+        index,
+        landmarks.positions,
+        landmarks.sigma**2,
+        sensor.mount.as_array(),
+        kernel_args(sensor),
+        variances,
+    )
     index = np.where(np.isnan(variances), -1, index)
     return LandmarkSchedule(index, places, variances, sensor.mount)
 

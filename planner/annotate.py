@@ -10,7 +10,7 @@ import numpy as np
 
 from localization import covariance as cov
 from localization.uncertainty_field import UncertaintyField
-from maps.arrays import FloatArray, IntArray
+from maps.arrays import BoolArray, FloatArray, IntArray
 from maps.kernels.clearance import segments_distance
 from maps.se2 import wrap
 from planner.context import PlanningContext
@@ -184,6 +184,7 @@ class _Uncertainty(TypedDict):
     max_ellipse95: float | None
     worst_at: float | None
     blind: float
+    longest_blind: float
 
 
 def _uncertainty(
@@ -192,10 +193,16 @@ def _uncertainty(
     covariance = field.covariance[rows, cols]
     r95 = cov.r95(covariance)
     fix = np.isfinite(r95)
-    blind = float(lengths[~fix].sum())
+    blind, longest = float(lengths[~fix].sum()), longest_run(~fix, lengths)
     if not fix.any():
         return _Uncertainty(
-            mean_r95=None, max_r95=None, max_area95=None, max_ellipse95=None, worst_at=None, blind=blind
+            mean_r95=None,
+            max_r95=None,
+            max_area95=None,
+            max_ellipse95=None,
+            worst_at=None,
+            blind=blind,
+            longest_blind=longest,
         )
     known, covariance, lengths = r95[fix], covariance[fix], lengths[fix]
     worst = int(np.argmax(known))
@@ -207,4 +214,13 @@ def _uncertainty(
         max_ellipse95=float(cov.ellipse95(covariance)[:, 0].max()),
         worst_at=float(begins[fix][worst] + 0.5 * lengths[worst]),
         blind=blind,
+        longest_blind=longest,
     )
+
+
+def longest_run(mask: BoolArray, lengths: FloatArray) -> float:
+    """Largest sum of lengths (N,) of neighbours that are all marked (N,)."""
+    total = np.concatenate([[0.0], np.cumsum(np.where(mask, lengths, 0.0))])
+    # What was summed up at the last piece that is not marked.
+    before = np.maximum.accumulate(np.concatenate([[0.0], np.where(mask, 0.0, total[1:])]))
+    return float((total - before).max())

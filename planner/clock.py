@@ -87,10 +87,12 @@ class Clock:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.monotonic() - began
 
     @contextmanager
-    def stop_flag(self, flag: npt.NDArray[np.uint8] | None = None) -> Iterator[npt.NDArray[np.uint8]]:
-        """Shape (1,): becomes 1 at the deadline, for kernels that run without the interpreter's lock.
+    def stop_flag(
+        self, flag: npt.NDArray[np.uint8] | None = None, *, share: float = 1.0
+    ) -> Iterator[npt.NDArray[np.uint8]]:
+        """Shape (1,): becomes 1 when a share of the time is over, for kernels that run without the lock.
 
         A flag that is given is used, so that another thread can set it earlier.
         """
-        with flag_at(self.at(), flag) as given:
+        with flag_at(self.at(share), flag) as given:
             yield given

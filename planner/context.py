@@ -124,9 +124,24 @@ class PlanningContext:
 
         return self._cached(self._graphs, (radius, weight, max_r95, blind_rate, extras), build)
 
-    def fused(self) -> FusedField:
-        """Information of one fix in every cell, for searches by the filter's belief."""
-        return self._cached(self._costs, "fused", lambda: _with_size(FusedField.from_field(self.field)))
+    def fused(self, *, stop: npt.NDArray[np.uint8] | None = None) -> FusedField | None:
+        """Information of one fix in every cell, for searches by the filter's belief.
+
+        None when another thread set ``stop`` (1,) before it was ready; then it is made in the background, for
+        the next one who asks.
+        """
+        field, flag = self.field, np.zeros(1, dtype=np.uint8) if stop is None else stop
+        made = self._cached(self._costs, "fused", lambda: _with_size(FusedField.unless_stopped(field, flag)))
+        if made is None:
+            self.background.add(
+                "fused", lambda stop: FusedField.unless_stopped(field, stop), PlanningContext._keep_fused
+            )
+        return made
+
+    def _keep_fused(self, made: FusedField | None) -> None:
+        if made is not None:
+            with self._lock:
+                self._costs.put("fused", made, _with_size(made)[1])
 
     def values_of(self, name: str, radius: float, blind_r95: float | None = None) -> FloatArray:
         """Shape (ny, nx): what a bound is compared with in each cell; NaN where it says nothing.
@@ -331,5 +346,6 @@ class PlanningContext:
         return built
 
 
-def _with_size(fused: FusedField) -> tuple[FusedField, int]:
-    return fused, fused.information.nbytes + fused.widening.nbytes
+def _with_size(fused: FusedField | None) -> tuple[FusedField | None, int]:
+    """With the bytes that it takes; -1: not to be kept."""
+    return fused, -1 if fused is None else fused.padded.nbytes + fused.widening.nbytes

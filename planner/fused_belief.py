@@ -9,17 +9,14 @@ from dataclasses import field as default
 import numpy as np
 import numpy.typing as npt
 
-from localization import covariance as cov
 from localization.motion import OdometryModel
 from localization.propagation import PathBelief, propagate
 from localization.schedule import all_visible_schedule, drive_along, schedule_of_triplets
-from localization.sensors import OmnidirectionalSensor, PinholeFixedSensor
+from localization.sensors import OmnidirectionalSensor, PinholeFixedSensor, Sensor
 from localization.uncertainty_field import UncertaintyField
 from maps.arrays import BoolArray, FloatArray, frozen
 from planner.errors import InvalidProblem
-
-# Areas of ellipses that differ by no more than this are those of the triplet itself.
-_SAME = 1e-6
+from planner.kernels.fused_field import fix_information
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,20 +65,25 @@ class FusedField:
     ----------
     field
         The field, as planning trusts it.
-    information
-        Shape (ny, nx, 6): xx, xy, yy, xθ, yθ, θθ of the inverse covariance of a fix; zero without one.
+    padded
+        Shape ((ny + 2)(nx + 2), 6): :attr:`information` with a row and a column of zeros on every side, as
+        searches take it.
     widening
         Shape (ny, nx): factor of the bearing variances that gives the field's ellipse, 1 where first order
         holds; NaN where the cell's covariance is not that of one triplet.
+    has_fix
+        Shape (ny, nx): cells in which a fix updates the filter.
     """
 
     field: UncertaintyField
-    information: FloatArray
+    padded: FloatArray
     widening: FloatArray
+    has_fix: BoolArray = default(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "information", frozen(self.information))
+        object.__setattr__(self, "padded", frozen(self.padded))
         object.__setattr__(self, "widening", frozen(self.widening))
+        object.__setattr__(self, "has_fix", frozen(self.information[..., 5] > 0, np.bool_))
 
     @classmethod
     def from_field(cls, field: UncertaintyField) -> FusedField:
@@ -92,21 +94,41 @@ class FusedField:
         triplet's (see :meth:`UncertaintyField.trusted`). Where a cell names no triplet, position and heading
         of its fix count as independent.
         """
-        J, area = _of_triplets(field)
-        has_fix = field.has_fix
-        with np.errstate(divide="ignore", invalid="ignore"):
-            widening = field.area95 / area
-        known = has_fix & np.isfinite(widening) & (widening > 1.0 - _SAME)
-        widening = np.where(known, np.maximum(widening, 1.0), np.nan)
-        information = np.where(known[..., None], J / widening[..., None], 0.0)
-        plain = has_fix & ~known
-        information[plain] = _independent(field.covariance[plain], field.sigma_theta[plain])
-        return cls(field, information, widening)
+        made = cls.unless_stopped(field, np.zeros(1, dtype=np.uint8))
+        if made is None:
+            raise AssertionError("nobody stops it")
+        return made
+
+    @classmethod
+    def unless_stopped(cls, field: UncertaintyField, stop: npt.NDArray[np.uint8]) -> FusedField | None:
+        """:meth:`from_field`; None when another thread set ``stop`` (1,) before it was ready."""
+        f, landmarks, sensor = field.frame, field.world.landmarks, field.sensor
+        ny, nx = f.shape
+        padded, widening = np.empty(((ny + 2) * (nx + 2), 6)), np.empty((ny, nx))
+        complete = fix_information(
+            field.triplet,
+            field.covariance,
+            field.sigma_theta,
+            field.pan,
+            np.array([f.origin_x, f.origin_y, math.cos(f.yaw), math.sin(f.yaw), f.resolution]),
+            landmarks.positions,
+            landmarks.sigma**2,
+            _numbers(sensor, field.heading),
+            padded,
+            widening,
+            stop,
+        )
+        if not complete:
+            return None
+        for array in (padded, widening):
+            array.flags.writeable = False
+        return cls(field, padded, widening)
 
     @property
-    def has_fix(self) -> BoolArray:
-        """Shape (ny, nx): cells in which a fix updates the filter."""
-        return np.asarray(self.information[..., 5] > 0)
+    def information(self) -> FloatArray:
+        """Shape (ny, nx, 6): xx, xy, yy, xθ, yθ, θθ of the inverse covariance of a fix; zero without one."""
+        ny, nx = self.field.frame.shape
+        return self.padded.reshape(ny + 2, nx + 2, 6)[1:-1, 1:-1]
 
     @property
     def harms(self) -> tuple[FloatArray, FloatArray]:
@@ -166,6 +188,28 @@ class FusedField:
         return self.field.method.estimator == "all_visible"
 
 
+def fix_covariance_in(field: UncertaintyField, row: int, col: int) -> FloatArray:
+    """Covariance (3, 3) of one fix in a cell that has one, m², m rad, rad²: as of :class:`FusedField`."""
+    f, landmarks = field.frame, field.world.landmarks
+    corner = f.to_world(np.array([float(col), float(row)]))
+    padded, widening = np.empty((9, 6)), np.empty((1, 1))
+    one = np.s_[row : row + 1, col : col + 1]
+    fix_information(
+        field.triplet[one],
+        field.covariance[one],
+        field.sigma_theta[one],
+        field.pan[one],
+        np.array([*corner, math.cos(f.yaw), math.sin(f.yaw), f.resolution]),
+        landmarks.positions,
+        landmarks.sigma**2,
+        _numbers(field.sensor, field.heading),
+        padded,
+        widening,
+        np.zeros(1, dtype=np.uint8),
+    )
+    return np.asarray(np.linalg.inv(as_matrices(padded[4])))
+
+
 def as_matrices(packed: FloatArray) -> FloatArray:
     """Symmetric matrices (..., 3, 3) of xx, xy, yy, xθ, yθ, θθ (..., 6)."""
     return np.asarray(packed[..., [[0, 1, 3], [1, 2, 4], [3, 4, 5]]])
@@ -176,41 +220,12 @@ def as_packed(matrix: FloatArray) -> FloatArray:
     return np.asarray(matrix[..., [0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]])
 
 
-def _of_triplets(field: UncertaintyField) -> tuple[FloatArray, FloatArray]:
-    """Information (ny, nx, 6) of each cell's triplet and the area of its 95 % ellipse (ny, nx), m²."""
-    shape = field.frame.shape
-    J, area = np.zeros((*shape, 6)), np.full(shape, np.nan)
-    triplet = field.triplet.astype(np.int64)
-    ok = field.has_fix & (triplet >= 0).all(axis=-1) & (triplet < len(field.world.landmarks)).all(axis=-1)
-    if not ok.any():
-        return J, area
-    sensor, landmarks = field.sensor, field.world.landmarks
-    index = triplet[ok]
-    arm = sensor.mount.offset(field.heading)
-    to = landmarks.positions[index] - (field.frame.centres()[ok] + arm)[:, None, :]
-    r2 = np.sum(to * to, axis=-1)
-    h = np.stack([to[..., 1] / r2, -to[..., 0] / r2, np.zeros_like(r2)], axis=-1)
-    h[..., 2] = h[..., 1] * arm[0] - h[..., 0] * arm[1] - 1.0
-    variance = landmarks.sigma[index] ** 2 / r2 + sensor.bearing_floor**2
+def _numbers(sensor: Sensor, heading: float) -> FloatArray:
+    """The numbers that ``fix_information`` takes for a sensor when the robot has a heading, rad."""
+    x, y = sensor.mount.offset(heading)
     if isinstance(sensor, OmnidirectionalSensor):
-        variance = variance + sensor.bearing_sigma**2
+        on_axis, is_pinhole = sensor.bearing_sigma, 0.0
     else:
-        axis = field.heading + sensor.mount.theta + np.nan_to_num(field.pan[ok], nan=0.0)
-        off = np.arctan2(to[..., 1], to[..., 0]) - axis[:, None]
-        variance = variance + (sensor.column_sigma_px / sensor.focal_px) ** 2 * np.cos(off) ** 4
-    M = np.einsum("nki,nkj->nij", h / variance[..., None], h)
-    J[ok] = as_packed(M)
-    # Of the position: the Schur complement of the heading.
-    S = M[:, :2, :2] - M[:, :2, 2:] * M[:, 2:, :2] / M[:, 2:, 2:]
-    det = np.maximum(S[:, 0, 0] * S[:, 1, 1] - S[:, 0, 1] ** 2, 0.0)
-    with np.errstate(divide="ignore"):
-        area[ok] = math.pi * cov.CHI2_95 / np.sqrt(det)
-    return J, area
-
-
-def _independent(covariance: FloatArray, sigma_theta: FloatArray) -> FloatArray:
-    """Information (N, 6) of fixes with covariances (N, 3) and independent headings (N,)."""
-    det = covariance[:, 0] * covariance[:, 2] - covariance[:, 1] ** 2
-    zero = np.zeros(len(det))
-    columns = [covariance[:, 2] / det, -covariance[:, 1] / det, covariance[:, 0] / det]
-    return np.stack([*columns, zero, zero, 1.0 / sigma_theta**2], axis=-1)
+        on_axis, is_pinhole = sensor.column_sigma_px / sensor.focal_px, 1.0
+    axis = heading + sensor.mount.theta
+    return np.array([x, y, axis, on_axis**2, sensor.bearing_floor**2, is_pinhole])

@@ -226,10 +226,7 @@ class _FusedSearch:
             fused.fix_covariance(question.start) if given is None else given, 3, "the start"
         )
         self.start_r95 = float(cov.r95(as_packed(self.first)[:3]))
-        ny, nx = graph.cost_space.frame.shape
-        information = np.zeros((ny + 2, nx + 2, 6))
-        information[1:-1, 1:-1] = fused.information
-        self.information = information.reshape(-1, 6)
+        self.information = fused.padded
         self.blind = np.asarray(self.information[:, 5] <= 0).astype(np.uint8)
         self.noise, self.period = model.odometry.kernel_args, model.period
         self.starts, start_costs = graph.connect(question.start)

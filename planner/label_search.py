@@ -108,11 +108,15 @@ def without_path(*, is_complete: bool) -> LabelPath:
 
 @dataclass(frozen=True, slots=True)
 class Stretches:
-    """Metres without a fix on a line: from its begin, up to its end, and at most in one stretch."""
+    """Metres without a fix on a line: from its begin, up to its end, and at most in one stretch.
+
+    ``longest_from``: metres from the begin at which the longest one begins.
+    """
 
     first: float
     last: float
     longest: float
+    longest_from: float = 0.0
 
 
 def line_stretches(frame: GridFrame, has_fix: BoolArray, points: npt.ArrayLike) -> Stretches:
@@ -141,16 +145,18 @@ def _stretches(pieces: FloatArray, has_fix: BoolArray, resolution: float) -> Str
     ny, nx = has_fix.shape
     rows, cols = np.clip(pieces[:, (0, 2)].astype(int), 0, ny - 1), pieces[:, (1, 3)].astype(int)
     seen = has_fix[rows, np.clip(cols, 0, nx - 1)].all(axis=1)
-    run, longest = 0.0, 0.0
+    run, longest, longest_from, driven = 0.0, 0.0, 0.0, 0.0
     first: float | None = None
-    for ok, length in zip(seen, pieces[:, 4] * resolution, strict=True):
+    for ok, length in zip(seen.tolist(), (pieces[:, 4] * resolution).tolist(), strict=True):
+        driven += length
         if ok:
             first = run if first is None else first
             run = 0.0
-        else:
-            run += float(length)
-            longest = max(longest, run)
-    return Stretches(run if first is None else first, run, longest)
+            continue
+        run += length
+        if run > longest:
+            longest, longest_from = run, driven - run
+    return Stretches(run if first is None else first, run, longest, longest_from)
 
 
 def blind_path(
@@ -196,13 +202,13 @@ def blind_path(
             f"The longest distance without a fix is {max_blind_distance} m; it must be at least 0."
         )
     flag = np.zeros(1, dtype=np.uint8) if stop is None else stop
-    search = _BlindSearch(graph, has_fix, start, goal)
+    search = _BlindSearch(graph, has_fix, start, goal, flag)
     # No walk without repetition is longer, and sums stay finite.
     asked = min(max_blind_distance, 2.0 * graph.cost_space.frame.resolution * len(graph.half))
     possible = search.smallest_bound(asked)
     if not math.isfinite(possible):
-        return without_path(is_complete=True)
-    found = search.path(max(possible, asked), to_go, tolerance, flag)
+        return without_path(is_complete=flag[0] == 0)
+    found = search.path(max(possible, asked), to_go, tolerance)
     if found.status == "found" and possible > asked:
         excess = possible / asked if asked > 0 else math.inf
         return LabelPath(
@@ -223,14 +229,14 @@ def smallest_blind_distance(graph: GridGraph, has_fix: BoolArray, start: Place, 
 
     Parameters are those of :func:`blind_path`.
     """
-    return _BlindSearch(graph, has_fix, start, goal).smallest_bound(0.0)
+    return _BlindSearch(graph, has_fix, start, goal, np.zeros(1, dtype=np.uint8)).smallest_bound(0.0)
 
 
 class _BlindSearch:
     """One pair of places on one graph."""
 
-    def __init__(self, graph: GridGraph, has_fix: BoolArray, start: Place, goal: Place) -> None:
-        self.graph = graph
+    def __init__(self, graph: GridGraph, has_fix: BoolArray, start: Place, goal: Place, stop: Stop) -> None:
+        self.graph, self.stop = graph, stop
         self.start, self.goal = start, goal
         space = graph.cost_space
         ny, nx = space.frame.shape
@@ -251,10 +257,11 @@ class _BlindSearch:
             np.repeat([n, n + 1], [len(ends.starts), len(ends.goals)]),
             self.gap,
             self.owner,
+            stop,
         )
 
     def smallest_bound(self, bound: float) -> float:
-        """Smallest possible bound, m, or ``bound`` itself where that is enough; inf without a path."""
+        """Smallest possible bound, m, or ``bound`` itself where that is enough; inf without one in time."""
         ends, n = self.ends, len(self.graph.half)
 
         def joined(cell: int, line: Stretches, owner: int, metres: float) -> float:
@@ -268,11 +275,13 @@ class _BlindSearch:
         worst = np.empty(n)
         reach_within(
             self.graph.half, self.blind, self.graph.width, self.length, self.gap, self.owner,
-            ends.starts, np.array(begin), bound, worst,
+            ends.starts, np.array(begin), bound, worst, self.stop,
         )  # fmt: skip
+        if self.stop[0] != 0:
+            return math.inf
         return float(np.maximum(worst[ends.goals], end).min())
 
-    def path(self, bound: float, to_go: CostToGo | None, tolerance: float, stop: Stop) -> LabelPath:
+    def path(self, bound: float, to_go: CostToGo | None, tolerance: float) -> LabelPath:
         """Cheapest path within a bound, m."""
         graph, ends = self.graph, self.ends
         limit = bound * (1.0 + _ROUNDING) + _ROUNDING
@@ -280,19 +289,20 @@ class _BlindSearch:
         ruled_out = (self.blind != 0) & (2.0 * self.gap > limit) & np.isfinite(graph.half)
         costs = None if to_go is None or ruled_out.any() else to_go.padded
         if costs is None:
-            half = np.where(ruled_out, np.inf, graph.half)
+            half = frozen(np.where(ruled_out, np.inf, graph.half))
             costs = np.empty(len(half))
             seeds, seed_costs = ends.goals, ends.goal_costs
-            one_to_all(half, graph.width, seeds, seed_costs, graph.smallest, math.inf, stop, costs)
+            one_to_all(half, graph.width, seeds, seed_costs, graph.smallest, math.inf, self.stop, costs)
+            costs.flags.writeable = False  # as costs to go are: one kind of argument, one compilation
         starts = _rows(ends.starts, ends.start_costs, ends.start_lines, limit, "last")
         goals = _rows(ends.goals, ends.goal_costs, ends.goal_lines, limit, "first")
         outcome, cost, walked, since = least_blind(
             graph.half, self.blind, graph.width, self.length, costs, self.gap,
-            starts, goals, limit, tolerance * bound, stop,
+            starts, goals, limit, tolerance * bound, self.stop,
         )  # fmt: skip
         complete = outcome == FOUND
         if len(walked) == 0:
-            return without_path(is_complete=stop[0] == 0)
+            return without_path(is_complete=self.stop[0] == 0)
         goal_line = self._goal_line(int(walked[-1]), float(since[-1]), limit)
         start_line = ends.start_lines[int(np.flatnonzero(ends.starts == walked[0])[0])]
         points = np.concatenate([[self.start], graph.centres(walked), [self.goal]])

@@ -8,10 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from maps.arrays import FloatArray
-from planner import sampling, smoothing
+from planner import belief_plan, sampling, smoothing
 from planner.annotate import annotate
 from planner.any_angle import shorten
-from planner.belief_plan import plan_by_belief
 from planner.clock import Clock
 from planner.context import PlanningContext
 from planner.ends import check_ends
@@ -304,7 +303,7 @@ def _special(problem: PlanningProblem, context: PlanningContext, clock: Clock) -
     if by_pose:
         return plan_with_poses(problem, context, clock, baseline=baseline)
     if by_belief:
-        return plan_by_belief(problem, context, clock, baseline=baseline)
+        return belief_plan.plan_by_belief(problem, context, clock, baseline=baseline)
     return None
 
 
@@ -315,7 +314,8 @@ def _baseline(problem: PlanningProblem, context: PlanningContext, clock: Clock) 
     found = find_shortest(problem, context, clock)
     if found is None:
         return None
-    route = _finish(found, problem, context, clock.quiet(), _Work("shortest route", _SHORTEST_SHARES))
+    plain = replace(problem, refine=0)  # a pulled string is taut
+    route = _finish(found, plain, context, clock.quiet(), _Work("shortest route", _SHORTEST_SHARES))
     return route if context.headings is None else facing_its_way(route, problem, context)
 
 
@@ -413,3 +413,4 @@ def warm_up() -> None:
             context,
             report=lambda _: None,
         )
+    belief_plan.warm_up(context)

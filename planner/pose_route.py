@@ -10,7 +10,7 @@ import numpy as np
 from localization import covariance as cov
 from localization.at_poses import fixes_at
 from maps.arrays import FloatArray, IntArray
-from planner.annotate import annotate
+from planner.annotate import annotate, longest_run
 from planner.context import PlanningContext
 from planner.cost_space import CostSpace
 from planner.extras import cost_factors
@@ -127,6 +127,7 @@ def _at_poses(
         r95=cov.r95(fixes.covariance),
         triplet=fixes.triplet,
         pan=fixes.pan,
+        has_fix=None,
     )
     kept = _spaced(arc, poses[:, 2])
     poses, s = poses[kept], arc[kept]
@@ -138,7 +139,13 @@ def _at_poses(
     rate = np.where(known, 1.0 + problem.effective_weight * r95, blind_rate)
     driven = share > 0
     cost = float((rate * _area_factor(poses, problem, context))[driven] @ share[driven]) + prices
-    summary = replace(route.summary, blind=float(share[~known].sum()), cost=cost, **_NO_FIGURES)
+    summary = replace(
+        route.summary,
+        blind=float(share[~known].sum()),
+        longest_blind=longest_run(~known, share),
+        cost=cost,
+        **_NO_FIGURES,
+    )
     if known.any():
         length = float(share[known].sum())
         worst = int(np.argmax(np.where(known, r95, -1.0)))

@@ -97,7 +97,7 @@ def _blind(problem: PlanningProblem, route: Route, *, is_relaxed: bool) -> Unmet
         else "Between the cells and headings that were searched there are places without a fix"
     )
     message = (
-        f"{cause}: {blind:.2f} m of the route returned, first at ({x:.2f}, {y:.2f}) m. "
+        f"{cause}. The route returned drives {round_up(blind)} m without one, first at ({x:.2f}, {y:.2f}) m. "
         f"Place landmarks there, or {remedy}."
     )
     return Unmet("blind", 0.0, blind, (x, y), None, message)

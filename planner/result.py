@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
 
-from maps.arrays import FloatArray, IntArray, frozen
+from maps.arrays import BoolArray, FloatArray, IntArray, frozen
 
 
 class PlanStatus(Enum):
@@ -33,9 +34,9 @@ class Path:
     heading
         Shape (N,): direction of travel, rad in [-π, π).
     covariance
-        Shape (N, 3): xx, xy, yy, m²; NaN where blind.
+        Shape (N, 3): xx, xy, yy, m²; NaN where blind, unless dead reckoning is told.
     r95
-        Shape (N,): m; NaN where blind.
+        Shape (N,): m; as the covariance.
     triplet
         Shape (N, 3), int16: landmark indices, -1 where blind.
     pan
@@ -48,6 +49,9 @@ class Path:
         direction, and the coarser ``exp(-c² / (2 λ_max))`` (:mod:`planner.risk`); both hold. NaN where blind.
     kind
         Whose the covariance is: ``fix``, of one fix; ``fused``, of the filter's belief, which is never blind.
+    has_fix
+        Shape (N,): whether there is a fix; elsewhere a covariance is of dead reckoning since the last one.
+        None: where r95 is finite.
     """
 
     points: FloatArray
@@ -61,8 +65,11 @@ class Path:
     collision_probability: FloatArray
     collision_bound: FloatArray
     kind: str = "fix"
+    has_fix: BoolArray | None = None
 
     def __post_init__(self) -> None:
+        known = np.isfinite(self.r95) if self.has_fix is None else self.has_fix
+        object.__setattr__(self, "has_fix", frozen(known, np.bool_))
         for name in ("points", "s", "heading", "covariance", "r95", "pan", "clearance"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
         for name in ("collision_probability", "collision_bound"):
@@ -112,7 +119,8 @@ class RouteSummary:
 
     ``cost`` is the objective's integral along the path, bounds left aside; inf where it drives without a fix
     and the question has no ``blind_r95``. Means are per metre driven over the part with a
-    fix; ``blind`` is the length without one; ``worst_at`` the arc length where r95 is largest.
+    fix; ``blind`` is the length without one, ``longest_blind`` that of the longest stretch without one;
+    ``worst_at`` the arc length where r95 is largest.
     ``mean_r95`` and the other figures of uncertainty are None when the whole route is blind. The collision
     figures are the largest of the waypoints with a fix.
     """
@@ -129,6 +137,7 @@ class RouteSummary:
     min_clearance: float
     max_collision_probability: float | None = None
     max_collision_bound: float | None = None
+    longest_blind: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -181,7 +190,8 @@ class PlanResult:
         The shortest route for the same robot, whatever its uncertainty; None if there is none.
     grid_cost
         Cost of the optimal 8-connected grid path under the same objective and constraints (or the smallest
-        possible bound); None without one, or where it has to go without a fix though that is forbidden.
+        possible bound), of the search over beliefs where that found it; None without one, where it is not
+        known to be optimal, or where it has to go without a fix though that is forbidden.
     planner
         Which stages shaped the route, e.g. ``grid_search+ompl+casadi``.
     unmet, warnings
@@ -196,3 +206,14 @@ class PlanResult:
     unmet: tuple[Unmet, ...] = ()
     warnings: tuple[str, ...] = ()
     stats: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def gap(self) -> float | None:
+        """By how much the route costs more than ``grid_cost``, as a share; below 0 it costs less.
+
+        The optimal grid path turns by 45° only: a route that is smoothed well is cheaper. None without both.
+        """
+        if self.route is None or self.grid_cost is None or not self.grid_cost > 0.0:
+            return None
+        gap = self.route.summary.cost / self.grid_cost - 1.0
+        return gap if math.isfinite(gap) else None

@@ -210,6 +210,7 @@ def _joined_summary(legs: list[Route]) -> RouteSummary:
         max_ellipse95=largest("max_ellipse95"),
         worst_at=worst_at,
         blind=sum(s.blind for s in all_),
+        longest_blind=max(s.longest_blind for s in all_),
         min_clearance=min(s.min_clearance for s in all_),
         max_collision_probability=largest("max_collision_probability"),
         max_collision_bound=largest("max_collision_bound"),

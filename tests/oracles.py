@@ -1014,6 +1014,28 @@ def belief_after(P, direction, d, turn, driven, *, fixes, sigmas, period, parts=
     return P, driven, worst
 
 
+def dead_reckoning(fixes, steps, directions, sigmas):
+    """Covariances (3, 3) or None along a way: the fix (or None) of each place, else odometry since the last."""
+    out = [fixes[0]]
+    for k in range(1, len(fixes)):
+        if fixes[k] is not None or out[-1] is None:
+            out.append(fixes[k])
+            continue
+        turn = 0.0 if k == 1 else abs(math.remainder(directions[k - 1] - directions[k - 2], 2 * math.pi))
+        P, _, _ = belief_after(
+            out[-1],
+            directions[k - 1],
+            steps[k - 1],
+            turn,
+            0.0,
+            fixes=(None, None),
+            sigmas=sigmas,
+            period=math.inf,
+        )
+        out.append(P)
+    return out
+
+
 def every_fused_walk(
     passable, fixes, source, target, P, *, resolution, weight, max_r95, sigmas, period, most
 ):
@@ -1153,3 +1175,70 @@ def nearest_following(pan, slack, seconds, rate, step):
             for g in grid[k]
         }
     return min(least.values(), default=math.inf)
+
+
+def fix_information_of(cell, three, sigmas, *, arm, axis, on_axis, floor, pinhole, covariance, sigma_theta):
+    """Information (3, 3) of a fix at a cell's centre, and by how much its ellipse is wider than the triplet's.
+
+    ``three``: places of the triplet or None; ``arm``: from the robot to the sensor; ``axis``: where it looks;
+    ``covariance`` (2, 2) and ``sigma_theta``: what the field says.
+    """
+    if three is not None:
+        M = np.zeros((3, 3))
+        for place, sigma in zip(three, sigmas, strict=True):
+            to = np.asarray(place) - (np.asarray(cell) + arm)
+            r2 = to @ to
+            # The bearing's gradient; turning the robot moves the sensor, too.
+            h = np.array([to[1] / r2, -to[0] / r2, 0.0])
+            h[2] = -h[0] * arm[1] + h[1] * arm[0] - 1.0
+            variance = on_axis**2 + floor**2 + sigma**2 / r2
+            if pinhole:
+                off = math.atan2(to[1], to[0]) - axis
+                variance = on_axis**2 * math.cos(off) ** 4 + floor**2 + sigma**2 / r2
+            M += np.outer(h, h) / variance
+        wider = math.sqrt(np.linalg.det(covariance) / np.linalg.det(np.linalg.inv(M)[:2, :2]))
+        if wider > 1.0 - 1e-6:
+            return M / max(wider, 1.0), max(wider, 1.0)
+    out = np.zeros((3, 3))
+    out[:2, :2] = np.linalg.inv(covariance)
+    out[2, 2] = 1.0 / sigma_theta**2
+    return out, math.nan
+
+
+def ends_of_lines(points, limit, means, is_valid, window=400, patience=8, more=1.02):
+    """Indices of points at which straight lines along a path begin and end.
+
+    ``means``: functions (a, b) → integral of a layer along a segment; ``is_valid`` (a, b): of a line.
+    """
+    p = np.asarray(points)
+
+    def is_close(i, j):
+        way = p[j] - p[i]
+        length = np.hypot(*way)
+        for q in p[i + 1 : j] - p[i]:
+            along = q @ way / length
+            if abs(q[0] * way[1] - q[1] * way[0]) / length > limit or not -limit <= along <= length + limit:
+                return False
+        return length > 0
+
+    def stands_for(i, j):
+        if not is_close(i, j) or not is_valid(p[i], p[j]):
+            return False
+        driven = sum(math.dist(p[k], p[k + 1]) for k in range(i, j))
+        for mean in means:
+            along = sum(mean(p[k], p[k + 1]) for k in range(i, j))
+            if mean(p[i], p[j]) > more * math.dist(p[i], p[j]) / driven * along + 1e-6:
+                return False
+        return True
+
+    kept = [0]
+    while kept[-1] < len(p) - 1:
+        i = kept[-1]
+        best, missed = i + 1, 0
+        for j in range(i + 2, min(i + window, len(p) - 1) + 1):
+            missed = 0 if stands_for(i, j) else missed + 1
+            best = j if missed == 0 else best
+            if missed > patience:
+                break
+        kept.append(best)
+    return kept

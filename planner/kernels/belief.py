@@ -143,3 +143,25 @@ def advance(P, ux, uy, d, turn, driven, before, after, noise, period):
         if J[5] > 0.0:
             fold_in(P, J, count / parts)
     return driven, r95, variance
+
+
+@njit(cache=True, nogil=True)
+def reckoned(fixes, steps, directions, noise, out):
+    """Covariances (K, 6) along a way into ``out``: those of ``fixes`` (K, 6), between them dead reckoning.
+
+    ``fixes`` holds NaN where there is none; what is before the first stays NaN. ``steps`` (K - 1,), m, and
+    ``directions`` (K - 1,), rad, lead from each place to the next; turns are on the spot.
+    """
+    for k in range(fixes.shape[0]):
+        out[k] = fixes[k]
+        if k == 0 or not math.isnan(fixes[k, 0]):
+            continue
+        P = out[k]
+        P[:] = out[k - 1]
+        if k > 1:
+            turn = directions[k - 1] - directions[k - 2]
+            turn -= _TWO_PI * math.floor(turn / _TWO_PI + 0.5)
+            P[5] += noise[1] * abs(turn)
+        ux = math.cos(directions[k - 1])
+        uy = math.sin(directions[k - 1])
+        predict_straight(P, ux, uy, steps[k - 1], noise)

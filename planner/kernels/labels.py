@@ -20,11 +20,11 @@ FOUND, EXHAUSTED, STOPPED, FULL = range(4)
 
 
 @njit(cache=True, nogil=True)
-def blind_gaps(half, blind, width, length, seeds, seed_gaps, seed_owners, gap, owner):
+def blind_gaps(half, blind, width, length, seeds, seed_gaps, seed_owners, gap, owner, stop):
     """Fill ``gap`` (n,) and ``owner`` (n,), -1 where nothing is reached, from all cells with a fix.
 
     Seeds (S,) are further ends: blind cells with their own gaps (S,), m, and owners (S,). A cell with a fix
-    owns itself.
+    owns itself. Returns whether it came to its end before ``stop`` (1,) was set.
     """
     n = half.shape[0]
     gap[:] = math.inf
@@ -55,8 +55,12 @@ def blind_gaps(half, blind, width, length, seeds, seed_gaps, seed_owners, gap, o
     for u in range(n):
         if blind[u] != 0 and gap[u] < math.inf:
             heapq.heappush(heap, (gap[u], np.int64(u)))
+    popped = 0
     while len(heap) > 0:
         value, u = heapq.heappop(heap)
+        popped += 1
+        if popped & 1023 == 1 and stop[0] != 0:
+            return False
         if value > gap[u]:
             continue
         for k in range(8):
@@ -68,21 +72,23 @@ def blind_gaps(half, blind, width, length, seeds, seed_gaps, seed_owners, gap, o
                 gap[v] = new
                 owner[v] = owner[u]
                 heapq.heappush(heap, (new, np.int64(v)))
+    return True
 
 
 @njit(cache=True, nogil=True)
-def reach_within(half, blind, width, length, gap, owner, seeds, seed_values, bound, worst):
+def reach_within(half, blind, width, length, gap, owner, seeds, seed_values, bound, worst, stop):
     """Smallest possible longest stretch from seeds (S,) with values (S,) to each cell into ``worst`` (n,), m.
 
     A move between cells of different owners joins two ends of stretches; its stretch is as long as both gaps
     and the move (Mehlhorn 1988: such moves hold a smallest spanning tree of the ends). Values up to
-    ``bound`` are not told apart: where they are enough, ``worst`` is ``bound`` and no order is kept.
+    ``bound`` are not told apart: where they are enough, ``worst`` is ``bound`` and no order is kept. Returns
+    whether it came to its end before ``stop`` (1,) was set.
     """
     worst[:] = math.inf
     steps = (1, -1, width, -width, width + 1, width - 1, -width + 1, -width - 1)
     done = np.zeros(half.shape[0], np.bool_)
     stack = np.empty(half.shape[0], np.int64)
-    n = 0
+    visited = 0
     heap = [(0.0, np.int64(0))]
     heapq.heappop(heap)
     for k in range(seeds.shape[0]):
@@ -102,6 +108,9 @@ def reach_within(half, blind, width, length, gap, owner, seeds, seed_values, bou
         while n > 0:
             n -= 1
             u = stack[n]
+            visited += 1
+            if visited & 1023 == 1 and stop[0] != 0:
+                return False
             own = length if blind[u] != 0 else 0.0
             for k in range(8):
                 v = u + steps[k]
@@ -119,6 +128,7 @@ def reach_within(half, blind, width, length, gap, owner, seeds, seed_values, bou
                         n += 1
                     else:
                         heapq.heappush(heap, (new, np.int64(v)))
+    return True
 
 
 @njit(cache=True, nogil=True)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from api import answers
@@ -195,10 +197,32 @@ def test_a_plan_says_everything_and_matches_its_schema(blind):
     assert waypoint["t_s"] == pytest.approx(1.0)
     if blind:
         assert waypoint["covariance"] is waypoint["triplet"] is waypoint["ellipse95"] is None
+        assert waypoint["covariance_of"] is None
         assert answer["routes"][0]["uncertainty"]["mean_r95_m"] is None
     else:
         assert waypoint["covariance"] == [0.01, 0.002, 0.02]
+        assert waypoint["covariance_of"] == "fix"
         assert waypoint["triplet"] == ["A", "B", "C"]
+
+
+def test_whose_a_covariance_is_and_how_much_dearer_than_the_grid_the_route():
+    result, field, problem = _plan()
+    route = result.route
+    known = np.arange(len(route.path.s)) != 1
+    path = replace(route.path, has_fix=known)
+    summary = replace(route.summary, cost=2.2, longest_blind=0.75)
+    made = replace(result, route=replace(route, path=path, summary=summary), grid_cost=2.0)
+    answer = plan_to_json(made, field, problem=problem)
+    answers.Plan.model_validate(answer, strict=True)
+    waypoints = answer["routes"][0]["path"]
+    assert [w["covariance_of"] for w in waypoints] == ["fix" if k else "dead_reckoning" for k in known]
+    assert waypoints[1]["covariance"] is not None
+    assert answer["gap"] == pytest.approx(0.1)
+    assert answer["routes"][0]["uncertainty"]["longest_blind_m"] == 0.75
+    for unknown in (replace(made, grid_cost=None), replace(made, route=None)):
+        assert plan_to_json(unknown, field, problem=problem)["gap"] is None
+    lost = replace(made, route=replace(made.route, summary=replace(summary, cost=math.inf)))
+    assert plan_to_json(lost, field, problem=problem)["gap"] is None
 
 
 def test_the_id_of_a_plan_is_its_content():

@@ -71,7 +71,7 @@ def test_what_is_reported_is_the_filters(door):
     )
     assert risk.rigorous.max() <= 0.08
     assert np.allclose(answer.belief.covariance[0], LOST)
-    assert answer.longest_blind == pytest.approx(answer.belief.max_blind_distance, abs=0.3)
+    assert risk.tight.max() == pytest.approx(answer.judged.reached[0].value)
 
 
 def test_bounds_hold_for_the_filter(door):
@@ -84,7 +84,10 @@ def test_bounds_hold_for_the_filter(door):
     assert cov.ellipse95(ellipse.belief.position_covariance)[:, 0].max() <= 0.45
     blind = verified(door, max_blind_distance=8.5)
     assert blind.is_kept
-    assert blind.longest_blind <= 8.5
+    (reached,) = blind.judged.reached
+    assert reached.bound == "max_blind_distance_m"
+    assert reached.value <= 8.5
+    assert reached.value == pytest.approx(blind.belief.max_blind_distance, abs=0.3)
 
 
 def test_turns_of_the_grid_do_not_rule_out_a_line(door):

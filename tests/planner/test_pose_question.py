@@ -151,6 +151,18 @@ def test_an_outline_stays_out_of_areas():
     assert not any(footprint.at(pose).intersects(area) for pose in poses)
 
 
+def test_a_way_without_fixes_is_told_in_metres():
+    context = room(lambda x, y: np.where((y > 2.0) & (y < 3.5), np.nan, 0.02) + 0 * x)
+    result = ask(context, kinematics="differential", start_heading=0.0)
+    assert result.status is PlanStatus.RISK_UNMET
+    (unmet,) = result.unmet
+    assert unmet.bound == "blind"
+    assert unmet.value == pytest.approx(result.route.summary.blind)
+    assert result.route.summary.longest_blind == pytest.approx(unmet.value)
+    assert f"drives {round_up(unmet.value)} m without one, first at (" in unmet.message
+    assert "keeps blind" not in unmet.message
+
+
 HALL = """
     ########################
     #A..B..C..D..E..F..G..H#

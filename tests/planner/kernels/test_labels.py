@@ -36,7 +36,8 @@ class Search:
         n = len(self.half)
         self.gap, self.owner = np.empty(n), np.empty(n, dtype=np.int64)
         ends, owners = np.array([self.a, self.b]), np.array([n, n + 1])
-        blind_gaps(
+        self.stop = np.zeros(1, dtype=np.uint8)
+        assert blind_gaps(
             self.half,
             self.blind,
             self.width,
@@ -46,13 +47,13 @@ class Search:
             owners,
             self.gap,
             self.owner,
+            self.stop,
         )
-        self.stop = np.zeros(1, dtype=np.uint8)
 
     def smallest_stretch(self, bound=0.0):
         worst = np.empty(len(self.half))
         args = (self.half, self.blind, self.width, 0.5 * RESOLUTION, self.gap, self.owner)
-        reach_within(*args, np.array([self.a]), np.zeros(1), bound, worst)
+        reach_within(*args, np.array([self.a]), np.zeros(1), bound, worst, self.stop)
         return worst[self.b]
 
     def cheapest(self, limit, tolerance=0.0):
@@ -121,3 +122,14 @@ def test_a_search_that_is_stopped_says_so():
     assert outcome == STOPPED
     assert cost == math.inf
     assert len(cells) == 0
+
+
+def test_searches_of_bounds_end_early():
+    grid = (np.ones((40, 40)), np.ones((40, 40), bool), np.zeros((40, 40), bool), (0, 0), (39, 39))
+    search = Search(*grid)
+    args = (search.half, search.blind, search.width, 0.5 * RESOLUTION)
+    ends, owners = np.array([search.a, search.b]), np.array([-2, -3])
+    stop = np.ones(1, dtype=np.uint8)
+    gap, owner, worst = np.empty_like(search.gap), np.empty_like(search.owner), np.empty_like(search.gap)
+    assert not blind_gaps(*args, ends, np.zeros(2), owners, gap, owner, stop)
+    assert not reach_within(*args, search.gap, search.owner, ends[:1], np.zeros(1), 0.0, worst, stop)
