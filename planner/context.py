@@ -9,6 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
+from shapely import Polygon
 
 from localization import covariance as cov
 from localization.heading_field import HeadingField
@@ -20,6 +21,7 @@ from planner.cost_space import cost_space_for
 from planner.cost_to_go import CostToGo, GridGraph, Place
 from planner.extras import NO_EXTRAS, Extras, cost_factors, forbidden_cells, judged_covariance
 from planner.fused_belief import FusedField
+from planner.obstacles import Obstacles
 from planner.pair_search import GridPath, InformedCells, PairSearch
 from planner.pivots import COUNT, Pivots
 from planner.risk import cell_probabilities
@@ -121,6 +123,15 @@ class PlanningContext:
             return graph, graph.half.nbytes + space.rate.nbytes + space.passable.nbytes
 
         return self._cached(self._graphs, (radius, weight, max_r95, blind_rate, extras), build)
+
+    def obstacles(self, avoid: tuple[Polygon, ...] = ()) -> Obstacles:
+        """Walls and areas to avoid, W, m, as obstacles of one kind."""
+
+        def build() -> tuple[Obstacles, int]:
+            made = Obstacles.of(self, avoid)
+            return made, made.centre_clearance.nbytes if avoid else 0
+
+        return self._cached(self._costs, ("obstacles", avoid), build)
 
     def fused(self) -> FusedField:
         """Information of one fix in every cell, for searches by the filter's belief."""

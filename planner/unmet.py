@@ -107,6 +107,11 @@ def round_up(value: float) -> str:
     return f"{math.ceil(value * scale * (1 - 1e-12)) / scale:.6g}"
 
 
+def round_down(value: float) -> str:
+    """Millimetres, rounded down: as room the number in the text must not be too much."""
+    return f"{math.floor(max(value, 0.0) * 1000 + 1e-6) / 1000:g}"
+
+
 def _place_of_worst(name: str, route: Route) -> tuple[float, float]:
     points, s = route.path.points, route.path.s
     if name == "max_r95_m":
