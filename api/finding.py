@@ -108,7 +108,10 @@ def _front(
         )
         first = routes[0].route if routes else None
         warnings = (*notes, *front.warnings)
-        return Found(PlanResult(front.status, first, None, None, "pareto", front.unmet, warnings), routes)
+        result = PlanResult(
+            front.status, first, None, None, "pareto", front.unmet, warnings, blocked=front.blocked
+        )
+        return Found(result, routes)
 
     def tell(front: ParetoFront) -> None:
         if report is not None:
