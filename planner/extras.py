@@ -14,7 +14,6 @@ from localization.uncertainty_field import UncertaintyField
 from maps.arrays import BoolArray, FloatArray
 from maps.grid import GridFrame
 from planner.obstacles import cells_around
-from planner.risk import risky_cells
 
 if TYPE_CHECKING:
     from planner.context import PlanningContext
@@ -68,14 +67,7 @@ def forbidden_cells(extras: Extras, context: PlanningContext, radius: float) -> 
         with np.errstate(invalid="ignore"):
             out |= cov.ellipse95(field.covariance)[..., 0] > extras.max_ellipse95
     if extras.max_probability is not None:
-        out |= risky_cells(
-            context.clearance,
-            field.frame.centres(),
-            context.centre_clearance,
-            judged_covariance(field, extras.blind_r95),
-            radius=radius,
-            limit=extras.max_probability,
-        )
+        out |= context.risky(extras.max_probability, radius=radius, blind_r95=extras.blind_r95)
     for polygon in extras.avoid:
         out |= _cells_near(field.frame, polygon, radius)
     return out if out.any() else None

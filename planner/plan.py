@@ -30,7 +30,7 @@ from planner.pose_question import plan_facing, plan_with_poses
 from planner.problem import PlanningProblem
 from planner.result import PlanResult, PlanStatus, Route, Trajectory
 from planner.timing import time_polyline
-from planner.unmet import keeps_risk, unmet_bounds
+from planner.unmet import keeps_risk, unjudged_in_words, unmet_bounds
 from planner.via import plan_via
 
 Report = Callable[[PlanResult], None]
@@ -209,14 +209,16 @@ def _within_risk(
     for less.
     """
     limit = problem.max_collision_probability
-    if limit is None or way.relaxed or keeps_risk(route, limit):
+    if limit is None or way.relaxed or way.is_unjudged or keeps_risk(route, limit):
         return way, route
     for share in _RISK_SHARES:
         if clock.is_over():
             break
         with clock.stage("risk"):
             careful = find_way(replace(problem, max_collision_probability=share * limit), context, clock)
-        if careful is None or careful.relaxed or careful.is_blind_forced != way.is_blind_forced:
+        if careful is None or careful.is_unjudged or careful.relaxed:
+            break
+        if careful.is_blind_forced != way.is_blind_forced:
             break
         other = _finish(careful, problem, context, clock, work)
         if keeps_risk(other, limit):
@@ -361,7 +363,10 @@ def _result(
     context: PlanningContext,
 ) -> PlanResult:
     unmet = unmet_bounds(problem, way, route, context)
-    if unmet:
+    if way.is_unjudged:
+        status = PlanStatus.TIMEOUT if unmet else PlanStatus.APPROXIMATE
+        work.warnings.insert(0, unjudged_in_words(problem))
+    elif unmet:
         status = PlanStatus.RISK_UNMET
     elif way.is_complete and way.grid_cost is not None:
         status = PlanStatus.EXACT

@@ -32,7 +32,7 @@ def unmet_bounds(
     summary = route.summary
     limit = problem.max_collision_probability
     if limit is not None and not keeps_risk(route, limit) and not any(u.bound == _RISK for u in out):
-        out.append(_bound_missed(limit, route))
+        out.append(_bound_missed(limit, route, way, problem))
     if way.is_blind_forced:
         x, y = _first_blind_place(route)
         message = (
@@ -65,18 +65,23 @@ def _bound_not_kept(name: str, least: float, problem: PlanningProblem, route: Ro
     got = getattr(route.summary, reached)
     value = least if got is None else got
     x, y = _place_of_worst(name, route)
-    clear = route.path.clearance
-    room = ""
-    if name == "max_collision_probability" and len(clear):
-        k = int(np.nanargmax(np.nan_to_num(route.path.collision_probability, nan=-1.0)))
-        room = f" There the robot has {max(0.0, float(clear[k])):.2f} m of room."
     message = (
         f"No path keeps {words} at or below {limit:g}{unit}. The smallest bound that has a path is "
-        f"{round_up(least)}{unit} (on cells of {cell:g} m); the route returned keeps it and is worst, "
-        f"{round_up(value)}{unit}, at ({x:.2f}, {y:.2f}) m.{room} Raise {name} to {round_up(least)}, or "
-        "place landmarks there."
+        f"{round_up(least)}{unit} (on cells of {cell:g} m); the route returned "
     )
-    return Unmet(name, limit, value, (x, y), least, message)
+    if value <= least * (1 + 1e-9):
+        message += f"keeps it and is worst, {round_up(value)}{unit}, at ({x:.2f}, {y:.2f}) m."
+    else:
+        message += f"keeps it at their centres and has {round_up(value)}{unit} at ({x:.2f}, {y:.2f}) m."
+    enough = f"Raise {name} to {round_up(max(least, value))}, or place landmarks there."
+    if name == _RISK:
+        k = worst_pose(route)
+        ends = _ends_over(limit, route)
+        message += f" There the robot has {_room(route, k):.2f} m of room."
+        if ends:
+            message += f" {ends}"
+            enough = f"Move it, or raise {name} to {round_up(max(least, value))}."
+    return Unmet(name, limit, value, (x, y), least, f"{message} {enough}")
 
 
 def keeps_risk(route: Route, limit: float) -> bool:
@@ -85,18 +90,51 @@ def keeps_risk(route: Route, limit: float) -> bool:
     return worst is None or worst <= limit * (1 + 1e-9)
 
 
-def _bound_missed(limit: float, route: Route) -> Unmet:
-    """The grid has a path within the limit, the route that it became has not."""
+def _bound_missed(limit: float, route: Route, way: Way, problem: PlanningProblem) -> Unmet:
+    """The grid has a path within the limit, or was not judged by it, and the route does not keep it."""
     x, y = _place_of_worst(_RISK, route)
-    k = int(np.argmax(np.nan_to_num(route.path.collision_probability, nan=-1.0)))
+    k = worst_pose(route)
     value = float(route.path.collision_probability[k])
-    room = max(0.0, float(route.path.clearance[k]))
     message = (
         f"The route's collision probability is {round_up(value)} at ({x:.2f}, {y:.2f}) m, where the robot "
-        f"has {room:.2f} m of room; {limit:g} was asked for. The centres of the cells keep it: a field on "
-        "smaller cells may help."
+        f"has {_room(route, k):.2f} m of room; {limit:g} was asked for. "
     )
+    ends = _ends_over(limit, route)
+    if ends:
+        message += ends
+    elif way.is_unjudged:
+        message += f"The deadline of {problem.deadline:g} s was too short to keep it: allow more time."
+    else:
+        message += "The centres of the cells keep it: a field on smaller cells may help."
     return Unmet(_RISK, limit, value, (x, y), None, message)
+
+
+def unjudged_in_words(problem: PlanningProblem) -> str:
+    """That the bound on collisions was left aside."""
+    return (
+        f"The deadline of {problem.deadline:g} s came before all cells were judged by their collision "
+        "probability: the route was searched without that bound."
+    )
+
+
+def worst_pose(route: Route) -> int:
+    """Index of the waypoint with the largest collision probability."""
+    return int(np.argmax(np.nan_to_num(route.path.collision_probability, nan=-1.0)))
+
+
+def _room(route: Route, k: int) -> float:
+    return max(0.0, float(route.path.clearance[k]))
+
+
+def _ends_over(limit: float, route: Route) -> str:
+    """In words which end breaks a bound on collisions whatever way leads there; empty when none does."""
+    out = []
+    for name, k in (("start", 0), ("goal", -1)):
+        value = float(route.path.collision_probability[k])
+        if value > limit * (1 + 1e-9):
+            room = f"{_room(route, k):.2f} m of room"
+            out.append(f"The {name} itself breaks it, whatever way is taken: {round_up(value)}, with {room}.")
+    return " ".join(out)
 
 
 def round_up(value: float) -> str:
