@@ -216,6 +216,9 @@ class Uncertainty(Answer):
     max_area95_m2: float | None
     max_ellipse95_m: float | None
     blind_m: float
+    longest_blind_m: float | None = Field(
+        description="Longest stretch without a fix; null where it is not known, on fields over headings."
+    )
     worst_at_m: float | None = Field(description="Arc length of the worst place.")
 
 

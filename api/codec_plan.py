@@ -228,6 +228,7 @@ def _figures(summary: RouteSummary) -> dict[str, Any]:
             "max_area95_m2": number(summary.max_area95),
             "max_ellipse95_m": number(summary.max_ellipse95),
             "blind_m": number(summary.blind),
+            "longest_blind_m": number(summary.longest_blind),
             "worst_at_m": number(summary.worst_at),
         },
         "risk": {

@@ -10,7 +10,7 @@ import numpy as np
 
 from localization import covariance as cov
 from localization.uncertainty_field import UncertaintyField
-from maps.arrays import FloatArray, IntArray
+from maps.arrays import BoolArray, FloatArray, IntArray
 from maps.kernels.clearance import segments_distance
 from maps.se2 import wrap
 from planner.context import PlanningContext
@@ -184,6 +184,7 @@ class _Uncertainty(TypedDict):
     max_ellipse95: float | None
     worst_at: float | None
     blind: float
+    longest_blind: float
 
 
 def _uncertainty(
@@ -193,9 +194,16 @@ def _uncertainty(
     r95 = cov.r95(covariance)
     fix = np.isfinite(r95)
     blind = float(lengths[~fix].sum())
+    longest = _longest_run(lengths, ~fix)
     if not fix.any():
         return _Uncertainty(
-            mean_r95=None, max_r95=None, max_area95=None, max_ellipse95=None, worst_at=None, blind=blind
+            mean_r95=None,
+            max_r95=None,
+            max_area95=None,
+            max_ellipse95=None,
+            worst_at=None,
+            blind=blind,
+            longest_blind=longest,
         )
     known, covariance, lengths = r95[fix], covariance[fix], lengths[fix]
     worst = int(np.argmax(known))
@@ -207,4 +215,12 @@ def _uncertainty(
         max_ellipse95=float(cov.ellipse95(covariance)[:, 0].max()),
         worst_at=float(begins[fix][worst] + 0.5 * lengths[worst]),
         blind=blind,
+        longest_blind=longest,
     )
+
+
+def _longest_run(lengths: FloatArray, counted: BoolArray) -> float:
+    """Largest sum of lengths (N,) that follow each other without one that is not counted."""
+    so_far = np.cumsum(np.where(counted, lengths, 0.0))
+    at_gaps = np.maximum.accumulate(np.where(counted, 0.0, so_far))
+    return float((so_far - at_gaps).max(initial=0.0))

@@ -239,7 +239,7 @@ class _Search:
         free = self._graph(replace(bounds, **{name: None}))
         start, goal = self.problem.start, self.problem.goal
         if name == "max_collision_probability":
-            asked, blind = getattr(bounds, name), self.extras.blind_r95
+            asked, blind = getattr(self.bounds, name), self.extras.blind_r95
             least = smallest_risk(
                 self.context, free, start, goal, above=asked, blind_r95=blind, stop=self.judging
             )

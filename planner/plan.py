@@ -299,6 +299,10 @@ def _special(problem: PlanningProblem, context: PlanningContext, clock: Clock) -
         return nothing_found(problem, context, clock, proven=True)
     if by_pose:
         found = plan_with_poses(problem, context, clock, headings=context.headings, baseline=baseline)
+        if found.route is not None and context.headings is not None:
+            # Stretches were counted at the best heading of each cell.
+            summary = replace(found.route.summary, longest_blind=None)
+            found = replace(found, route=replace(found.route, summary=summary))
     else:
         found = plan_by_belief(problem, context, clock, baseline=baseline)
     return explained(found, problem, context, clock)

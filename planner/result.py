@@ -112,7 +112,8 @@ class RouteSummary:
 
     ``cost`` is the objective's integral along the path, bounds left aside; inf where it drives without a fix
     and the question has no ``blind_r95``. Means are per metre driven over the part with a
-    fix; ``blind`` is the length without one; ``worst_at`` the arc length where r95 is largest.
+    fix; ``blind`` is the length without one, ``longest_blind`` that of its longest stretch, None where it is
+    not known (with headings); ``worst_at`` the arc length where r95 is largest.
     ``mean_r95`` and the other figures of uncertainty are None when the whole route is blind. The collision
     figures are the largest of the waypoints with a fix.
     """
@@ -129,6 +130,7 @@ class RouteSummary:
     min_clearance: float
     max_collision_probability: float | None = None
     max_collision_bound: float | None = None
+    longest_blind: float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -109,6 +109,24 @@ def _bound_missed(limit: float, route: Route, way: Way, problem: PlanningProblem
     return Unmet(_RISK, limit, value, (x, y), None, message)
 
 
+#: From this collision probability of a pose on, a route comes with a warning when no bound was asked for.
+RISKY = 0.01
+
+
+def risky_in_words(problem: PlanningProblem, route: Route) -> str | None:
+    """A warning where a route is likely to touch something and no bound on that was asked for; else None."""
+    worst = route.summary.max_collision_probability
+    if problem.max_collision_probability is not None or worst is None or worst < RISKY:
+        return None
+    k = worst_pose(route)
+    x, y = route.path.points[k]
+    return (
+        f"At ({x:.2f}, {y:.2f}) m the robot has {round_down(_room(route, k))} m of room and touches "
+        f"something with a probability of up to {100 * worst:.2g} %, by the error of its place there; "
+        "max_collision_probability bounds that."
+    )
+
+
 def unjudged_in_words(problem: PlanningProblem) -> str:
     """That the bound on collisions was left aside."""
     return (
