@@ -30,8 +30,9 @@ def nothing_found(
     """
     stats = {f"{k}_s": v for k, v in clock.seconds.items()} | {"total_s": clock.elapsed}
     if not proven and clock.is_over():
-        said = f"The deadline of {problem.deadline:g} s came before any path was found; allow more time."
-        return PlanResult(PlanStatus.TIMEOUT, None, None, None, "grid_search", warnings=(said,), stats=stats)
+        return PlanResult(
+            PlanStatus.TIMEOUT, None, None, None, "grid_search", warnings=(_late(problem),), stats=stats
+        )
     blocked = blockage(problem, context, clock)
     said = _in_words(problem, context, blocked, proven=proven)
     return PlanResult(
@@ -49,8 +50,15 @@ def nothing_found(
 def explained(
     result: PlanResult, problem: PlanningProblem, context: PlanningContext, clock: Clock
 ) -> PlanResult:
-    """Another search's answer: where it has no path, with what blocks the way of the robot asked for."""
-    if result.route is not None or result.status is not PlanStatus.NO_PATH:
+    """Another search's answer: where it has no path, with what blocks the way of the robot asked for.
+
+    Where the deadline came first, the one that was given is named.
+    """
+    if result.route is not None:
+        return result
+    if result.status is PlanStatus.TIMEOUT:
+        return replace(result, warnings=(_late(problem),))
+    if result.status is not PlanStatus.NO_PATH:
         return result
     blocked = blockage(problem, context, clock)
     if blocked is not None and blocked.largest_radius < problem.inner_radius:
@@ -58,6 +66,10 @@ def explained(
         return replace(result, blocked=blocked, warnings=(said,))
     disc = f"a robot of radius {problem.inner_radius:g} m"
     return replace(result, warnings=tuple(w.replace(disc, problem.robot_in_words) for w in result.warnings))
+
+
+def _late(problem: PlanningProblem) -> str:
+    return f"The deadline of {problem.deadline:g} s came before any path was found; allow more time."
 
 
 def blockage(problem: PlanningProblem, context: PlanningContext, clock: Clock) -> Blockage | None:

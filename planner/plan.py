@@ -30,7 +30,7 @@ from planner.pose_question import plan_facing, plan_with_poses
 from planner.problem import PlanningProblem
 from planner.result import PlanResult, PlanStatus, Route, Trajectory
 from planner.timing import time_polyline
-from planner.unmet import keeps_risk, unjudged_in_words, unmet_bounds
+from planner.unmet import ends_over, keeps_risk, unjudged_in_words, unmet_bounds
 from planner.via import plan_via
 
 Report = Callable[[PlanResult], None]
@@ -211,6 +211,8 @@ def _within_risk(
     limit = problem.max_collision_probability
     if limit is None or way.relaxed or way.is_unjudged or keeps_risk(route, limit):
         return way, route
+    if ends_over(limit, route):
+        return way, route  # no way is any better there
     for share in _RISK_SHARES:
         if clock.is_over():
             break

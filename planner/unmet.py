@@ -7,7 +7,9 @@ import math
 import numpy as np
 
 from localization import covariance as cov
+from localization.uncertainty_field import UncertaintyField
 from planner.context import PlanningContext
+from planner.cost_to_go import Place
 from planner.grid_search import Way
 from planner.problem import PlanningProblem
 from planner.result import Route, Unmet
@@ -35,9 +37,14 @@ def unmet_bounds(
         out.append(_bound_missed(limit, route, way, problem))
     if way.is_blind_forced:
         x, y = _first_blind_place(route)
+        names = [n for n, k in (("start", 0), ("goal", -1)) if np.isnan(route.path.r95[k])]
+        ends = "".join(
+            f" The {name} itself has none: {no_fix_in_words(context.field, getattr(problem, name))}."
+            for name in names
+        )
         message = (
-            "Every path crosses places without a fix (fewer than three usable landmarks in view). The route "
-            f"returned drives {summary.blind:.2f} m without one, as little as possible, first at "
+            f"Every path crosses places without a fix (fewer than three usable landmarks in view).{ends} The "
+            f"route returned drives {summary.blind:.2f} m without one, as little as possible, first at "
             f"({x:.2f}, {y:.2f}) m. Give blind_r95_m to accept such stretches at a cost, or place "
             "landmarks there."
         )
@@ -76,7 +83,7 @@ def _bound_not_kept(name: str, least: float, problem: PlanningProblem, route: Ro
     enough = f"Raise {name} to {round_up(max(least, value))}, or place landmarks there."
     if name == _RISK:
         k = worst_pose(route)
-        ends = _ends_over(limit, route)
+        ends = ends_over(limit, route)
         message += f" There the robot has {_room(route, k):.2f} m of room."
         if ends:
             message += f" {ends}"
@@ -99,7 +106,7 @@ def _bound_missed(limit: float, route: Route, way: Way, problem: PlanningProblem
         f"The route's collision probability is {round_up(value)} at ({x:.2f}, {y:.2f}) m, where the robot "
         f"has {_room(route, k):.2f} m of room; {limit:g} was asked for. "
     )
-    ends = _ends_over(limit, route)
+    ends = ends_over(limit, route)
     if ends:
         message += ends
     elif way.is_unjudged:
@@ -144,7 +151,7 @@ def _room(route: Route, k: int) -> float:
     return max(0.0, float(route.path.clearance[k]))
 
 
-def _ends_over(limit: float, route: Route) -> str:
+def ends_over(limit: float, route: Route) -> str:
     """In words which end breaks a bound on collisions whatever way leads there; empty when none does."""
     out = []
     for name, k in (("start", 0), ("goal", -1)):
@@ -180,6 +187,15 @@ def _place_of_worst(name: str, route: Route) -> tuple[float, float]:
         values = cov.ellipse95(route.path.covariance)[:, 0]
     k = int(np.argmax(np.nan_to_num(values, nan=-1.0)))
     return (float(points[k, 0]), float(points[k, 1]))
+
+
+def no_fix_in_words(field: UncertaintyField, place: Place) -> str:
+    """Why there is no fix at a place on the field: how many landmarks are in view there."""
+    row, col = (int(v) for v in field.frame.cell_at(place))
+    n = int(field.n_visible[row, col])
+    seen = {0: "no landmark is", 1: "1 landmark is"}.get(n, f"{n} landmarks are")
+    why = "and a fix needs three" if n < 3 else "but no three give a usable fix"
+    return f"{seen} in view there, {why}"
 
 
 def _first_blind_place(route: Route) -> tuple[float, float]:
