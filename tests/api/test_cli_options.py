@@ -69,11 +69,11 @@ def test_matrix_and_reach_take_what_the_service_takes(field, across, tmp_path, c
     assert json.loads(capsys.readouterr().out)["cost"][0][1] is None
     reach = ("reach", field, "--from", 2, 4, "--radius", 0.3)
     areas = []
-    for more in ((), ("--avoid", across), ("--max-ellipse95", 0.022)):
+    for more in ((), ("--avoid", across), ("--max-ellipse95", 0.03)):
         assert run(*reach, *more) == 0
         areas.append(float(capsys.readouterr().out.split("reach: ")[1].split()[0]))
     assert areas[1] < 0.6 * areas[0]
-    assert areas[2] < areas[0]
+    assert 0 < areas[2] < areas[0]
     assert run(*reach, "--objective", "minimax") == 1
 
 
