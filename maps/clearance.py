@@ -94,7 +94,7 @@ class ClearanceIndex:
         """
         if cell_m is not None and not (math.isfinite(cell_m) and cell_m > 0):
             raise InvalidGeometry(f"Bucket side is {cell_m} m; it must be positive and finite.")
-        return cls._of_edges(world.floor, world.floor.free_edges(), cell_m)
+        return cls.from_edges(world.floor, world.floor.free_edges(), cell_m)
 
     def with_edges(self, edges: npt.ArrayLike) -> ClearanceIndex:
         """The same boundary with further segments (K, 4): x0, y0, x1, y1 in W, m; the floor stays.
@@ -102,10 +102,11 @@ class ClearanceIndex:
         Distances are then to the nearest of both; which side of the further segments is free, the index does
         not know.
         """
-        return self._of_edges(self.floor, np.concatenate([self.segments, np.asarray(edges).reshape(-1, 4)]))
+        return self.from_edges(self.floor, np.concatenate([self.segments, np.asarray(edges).reshape(-1, 4)]))
 
     @classmethod
-    def _of_edges(cls, floor: Floor, edges: FloatArray, cell_m: float | None = None) -> ClearanceIndex:
+    def from_edges(cls, floor: Floor, edges: FloatArray, cell_m: float | None = None) -> ClearanceIndex:
+        """Index any segments (M, 4): x0, y0, x1, y1 in W, m; arguments as of :meth:`from_world`."""
         if len(edges) == 0:
             empty = np.zeros((1, 2), dtype=np.int64)
             nothing = np.empty(0, dtype=np.int32)

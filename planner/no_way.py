@@ -128,8 +128,8 @@ def _in_words(
     if blocked.largest_radius >= blocked.radius:
         spare = blocked.largest_radius - blocked.radius
         return (
-            f"{said} on {cells}: the only passage, at {at}, leaves it {round_down(spare)} m on both sides. A "
-            "field on smaller cells may find a way."
+            f"{said} on {cells}: the widest passage, at {at}, leaves it {round_down(spare)} m on both sides. "
+            "A field on smaller cells may find a way."
         )
     if blocked.largest_radius > 0:
         needs = "needs" if problem.footprint is None else "needs at least"

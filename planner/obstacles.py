@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ from shapely import Point, Polygon
 from maps.arrays import FloatArray, frozen
 from maps.clearance import ClearanceIndex
 from maps.grid import GridFrame
+from maps.kernels.clearance import points_distance
 
 if TYPE_CHECKING:
     from planner.context import PlanningContext
@@ -46,16 +48,24 @@ class Obstacles:
         """The walls of a field's world and areas to avoid; see ``PlanningContext.obstacles``."""
         if not avoid:
             return cls(context.clearance, context.centre_clearance, ())
-        frame = context.field.frame
-        index = context.clearance.with_edges(np.concatenate([_outline(polygon) for polygon in avoid]))
-        centre_clearance = index.at_centres(frame)
-        for polygon in avoid:
-            rows, cols = cells_around(frame, polygon)
-            centres = frame.centres(rows, cols)
+        frame, floor = context.field.frame, context.clearance.floor
+        outlines = [_outline(polygon) for polygon in avoid]
+        room = np.array(context.centre_clearance)
+        most = float(room.max(initial=0.0))
+        for polygon, outline in zip(avoid, outlines, strict=True):
+            # Further away the walls are nearer.
+            near = cells_around(frame, polygon, most)
+            here = room[near]
+            rows, cols = np.nonzero(here)
+            if len(rows) == 0:
+                continue
+            centres = frame.centres(*near)[rows, cols]
+            away = np.empty(len(centres))
+            points_distance(centres, math.inf, away, *context.clearance.from_edges(floor, outline).arrays)
             shapely.prepare(polygon)
-            inside = shapely.intersects_xy(polygon, centres[..., 0], centres[..., 1])
-            centre_clearance[rows, cols][inside] = 0.0
-        return cls(index, centre_clearance, avoid)
+            away[shapely.intersects_xy(polygon, *centres.T)] = 0.0
+            here[rows, cols] = np.minimum(here[rows, cols], away)
+        return cls(context.clearance.with_edges(np.concatenate(outlines)), room, avoid)
 
     def areas_at(self, x: float, y: float) -> tuple[int, ...]:
         """Numbers, from 1, of the areas that hold a place or have it on their outline."""

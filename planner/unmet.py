@@ -107,13 +107,11 @@ def _bound_missed(limit: float, route: Route, way: Way, problem: PlanningProblem
         f"has {_room(route, k):.2f} m of room; {limit:g} was asked for. "
     )
     ends = ends_over(limit, route)
-    if ends:
-        message += ends
-    elif way.is_unjudged:
-        message += f"The deadline of {problem.deadline:g} s was too short to keep it: allow more time."
-    else:
+    if way.is_unjudged:
+        message += f"The deadline of {problem.deadline:g} s was too short to keep it: allow more time. "
+    elif not ends:
         message += "The centres of the cells keep it: a field on smaller cells may help."
-    return Unmet(_RISK, limit, value, (x, y), None, message)
+    return Unmet(_RISK, limit, value, (x, y), None, (message + ends).rstrip())
 
 
 #: From this collision probability of a pose on, a route comes with a warning when no bound was asked for.

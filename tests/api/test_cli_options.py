@@ -7,6 +7,7 @@ import math
 
 import pytest
 
+from api.answers import Plan
 from api.cli_options import odometry_of, place_of, start_covariance_of, travel_of
 from localization.motion import OdometryModel
 from planner.errors import InvalidProblem
@@ -109,3 +110,25 @@ def test_plan_takes_odometry_and_the_start(field, tmp_path, capsys):  # noqa: F8
     said = capsys.readouterr().err
     assert "footprint" in said
     assert "via" not in said
+
+
+def test_what_blocks_the_way_is_in_the_answer(field, across, tmp_path, capsys):  # noqa: F811
+    out = tmp_path / "plan.json"
+    ask = ("plan", field, "--start", 2, 4, "--goal", 10, 4, "-o", out)
+    assert run(*ask, "--avoid", across, "--radius", 0.3) == 3
+    answer = json.loads(out.read_text())
+    Plan.model_validate(answer)
+    assert answer["status"] == "no_path"
+    assert answer["blocked"]["avoid"] == [0]
+    assert answer["blocked"]["largest_radius_m"] == 0.0
+    assert answer["blocked"]["largest_radius_without_avoid_m"] == pytest.approx(1.0, abs=1e-4)
+    assert "avoid area 1 closes every way" in " ".join(capsys.readouterr().out.split())
+    assert run(*ask, "--radius", 1.2) == 3
+    answer = json.loads(out.read_text())
+    blocked = answer["blocked"]
+    assert (blocked["radius_m"], blocked["between"], blocked["avoid"]) == (1.2, ["wall", "wall"], [])
+    assert blocked["largest_radius_m"] == pytest.approx(1.0, abs=1e-4)
+    assert min(abs(blocked["place"]["y_m"] - y) for y in (1.0, 7.0)) < 1e-3
+    assert "A radius of up to 1 m passes" in " ".join(capsys.readouterr().out.split())
+    assert run(*ask, "--radius", 0.3) == 0
+    assert json.loads(out.read_text())["blocked"] is None
