@@ -5,11 +5,13 @@ from __future__ import annotations
 import pytest
 from shapely import box
 
+from planner.clock import Clock
 from planner.context import PlanningContext
 from planner.errors import StartOccupied
+from planner.no_way import explained
 from planner.plan import plan
 from planner.problem import PlanningProblem
-from planner.result import PlanStatus
+from planner.result import PlanResult, PlanStatus
 from tests.fields import synthetic_field
 from tests.worlds import world_from_ascii
 
@@ -113,3 +115,22 @@ def test_walls_that_close_every_way():
     assert result.status is PlanStatus.NO_PATH
     assert result.blocked.largest_radius == 0.0
     assert "thinnest at (4." in result.warnings[0]
+
+
+def test_a_search_that_was_late_names_the_deadline_that_was_given(context):
+    problem = PlanningProblem(START, GOAL, 0.2, deadline=1.5)
+    late = PlanResult(
+        PlanStatus.TIMEOUT, None, None, None, "lattice", warnings=("The deadline came 1.8 s after",)
+    )
+    (said,) = explained(late, problem, context, Clock(1.5)).warnings
+    assert said.startswith("The deadline of 1.5 s came before")
+    # Where the disc would pass, the other search's own reason stays, in the words of the robot asked for.
+    square = PlanningProblem(
+        (2.0, 3.4), GOAL, 0.1, footprint=((0.3, 0.3), (-0.3, 0.3), (-0.3, -0.3), (0.3, -0.3))
+    )
+    other = PlanResult(
+        PlanStatus.NO_PATH, None, None, None, "lattice", warnings=("No way for a robot of radius 0.3 m.",)
+    )
+    assert explained(other, square, context, Clock(9.0)).warnings == (
+        "No way for a robot with an outline of 0.6 m × 0.6 m.",
+    )
