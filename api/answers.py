@@ -317,6 +317,23 @@ class Unmet(Answer):
     message: str
 
 
+class Blocked(Answer):
+    """What keeps the robot from the goal: where the widest way between start and goal is narrowest."""
+
+    place: Place = Field(
+        description="Midway between both sides; where every way is closed, where that is thinnest."
+    )
+    radius_m: float = Field(description="What the robot needs on both sides; of an outline: at least.")
+    largest_radius_m: float | None = Field(description="No larger disc passes; 0: every way is closed.")
+    between: list[str] = Field(
+        description="What is on the two sides: wall, or avoid/ and the index of an area to avoid."
+    )
+    avoid: list[int] = Field(description="Indices of the areas to avoid that block the way.")
+    largest_radius_without_avoid_m: float | None = Field(
+        description="The same without these areas; null without any, or where it is not known."
+    )
+
+
 class Plan(Answer):
     """Answer to a planning question."""
 
@@ -341,6 +358,7 @@ class Plan(Answer):
         "cheaper than any path on the grid. null where grid_cost is, or the route has no cost."
     )
     unmet: list[Unmet]
+    blocked: Blocked | None = Field(description="Where there is no path and it is known; else null.")
     warnings: list[str]
 
 

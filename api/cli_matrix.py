@@ -13,6 +13,20 @@ import typer
 from rich.table import Table
 
 from api.cli_common import EXIT_UNMET, Field_, read_field, write_file
+from api.cli_options import (
+    Areas_,
+    Avoid_,
+    BlindR95_,
+    CostObjective_,
+    MaxAccel_,
+    MaxCollision_,
+    MaxEllipse95_,
+    MaxR95_,
+    MaxSpeed_,
+    Radius_,
+    Weight_,
+    travel_of,
+)
 from api.codec import DocumentError
 from api.console import err, out, print_note
 from localization.heading_field import HeadingField
@@ -24,23 +38,7 @@ if TYPE_CHECKING:
 # Larger matrices are not printed.
 _MAX_PRINTED = 10
 
-Radius_ = Annotated[float, typer.Option(metavar="R", help="Radius of the robot, m.")]
-Weight_ = Annotated[
-    float, typer.Option(metavar="W", help="Extra metres per metre driven at r95 = 1 m; 0: costs are lengths.")
-]
-MaxR95_ = Annotated[
-    float | None, typer.Option("--max-r95", metavar="B", help="Never less certain than this, m.")
-]
-Blind_ = Annotated[
-    float | None,
-    typer.Option(
-        "--blind-r95",
-        metavar="B",
-        help="Allow cells without a fix, at the cost of a place with this r95, m. Default: forbidden.",
-    ),
-]
-Speed_ = Annotated[float, typer.Option("--max-speed", metavar="V", help="m/s.")]
-Accel_ = Annotated[float, typer.Option("--max-accel", metavar="A", help="m/s².")]
+Deadline_ = Annotated[float, typer.Option(metavar="S", help="Time for all searches, s.")]
 
 
 def matrix(
@@ -53,12 +51,17 @@ def matrix(
         Path | None, typer.Option(metavar="FILE", help="Where to; default: the same places.")
     ] = None,
     radius: Radius_ = 0.35,
+    objective: CostObjective_ = "weighted",
     weight: Weight_ = 4.0,
     max_r95: MaxR95_ = None,
-    blind_r95: Blind_ = None,
-    max_speed: Speed_ = 1.2,
-    max_accel: Accel_ = 0.8,
-    deadline: Annotated[float, typer.Option(metavar="S", help="Time for all searches, s.")] = 60.0,
+    max_ellipse95: MaxEllipse95_ = None,
+    max_collision_probability: MaxCollision_ = None,
+    blind_r95: BlindR95_ = None,
+    avoid: Avoid_ = None,
+    areas: Areas_ = None,
+    max_speed: MaxSpeed_ = 1.2,
+    max_accel: MaxAccel_ = 0.8,
+    deadline: Deadline_ = 60.0,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -82,15 +85,19 @@ def matrix(
     from maps.io.place_files import read_places  # noqa: PLC0415
     from planner.context import PlanningContext  # noqa: PLC0415
     from planner.matrix import cost_matrix, warm_up  # noqa: PLC0415
-    from planner.travel import Travel  # noqa: PLC0415
 
     to_stdout = output is not None and str(output) == "-"
     if output is not None and not to_stdout and output.suffix.lower() not in {".json", ".csv", ".npy"}:
         raise DocumentError(f"'{output}': a matrix is written as .json, .csv or .npy.")
-    travel = Travel(
-        radius,
-        weight,
+    travel = travel_of(
+        objective=objective,
+        weight=weight,
+        avoid=avoid,
+        areas=areas,
+        radius=radius,
         max_r95=max_r95,
+        max_ellipse95=max_ellipse95,
+        max_collision_probability=max_collision_probability,
         blind_r95=blind_r95,
         max_speed=max_speed,
         max_accel=max_accel,
@@ -127,10 +134,16 @@ def reach(
         float | None, typer.Option("--max-time", metavar="T", help="Longest drive at full speed, s.")
     ] = None,
     radius: Radius_ = 0.35,
+    objective: CostObjective_ = "weighted",
     weight: Weight_ = 4.0,
     max_r95: MaxR95_ = None,
-    blind_r95: Blind_ = None,
-    max_speed: Speed_ = 1.2,
+    max_ellipse95: MaxEllipse95_ = None,
+    max_collision_probability: MaxCollision_ = None,
+    blind_r95: BlindR95_ = None,
+    avoid: Avoid_ = None,
+    areas: Areas_ = None,
+    max_speed: MaxSpeed_ = 1.2,
+    deadline: Deadline_ = 30.0,
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", metavar="GEOJSON", help="Write the polygons, in m; - prints them."),
@@ -147,7 +160,6 @@ def reach(
     from api.codec_matrix import region_to_geojson  # noqa: PLC0415
     from planner.context import PlanningContext  # noqa: PLC0415
     from planner.reachability import reachable_region  # noqa: PLC0415
-    from planner.travel import Travel  # noqa: PLC0415
 
     measures: dict[Literal["cost", "length", "time"], float | None] = {
         "cost": max_cost,
@@ -158,10 +170,23 @@ def reach(
     if len(given) > 1:
         raise DocumentError("Give at most one of --max-cost, --max-length and --max-time.")
     measure, limit = given[0] if given else ("cost", float("inf"))
-    travel = Travel(radius, weight, max_r95=max_r95, blind_r95=blind_r95, max_speed=max_speed)
+    travel = travel_of(
+        objective=objective,
+        weight=weight,
+        avoid=avoid,
+        areas=areas,
+        radius=radius,
+        max_r95=max_r95,
+        max_ellipse95=max_ellipse95,
+        max_collision_probability=max_collision_probability,
+        blind_r95=blind_r95,
+        max_speed=max_speed,
+    )
     loaded = _one_field(field_path)
     with err.status("searching …"):
-        region = reachable_region(PlanningContext(loaded), place, travel=travel, measure=measure, limit=limit)
+        region = reachable_region(
+            PlanningContext(loaded), place, travel=travel, measure=measure, limit=limit, deadline=deadline
+        )
     to_stdout = output is not None and str(output) == "-"
     if output is not None:
         text = json.dumps(region_to_geojson(region), allow_nan=False) + "\n"
@@ -173,6 +198,10 @@ def reach(
     if not to_stdout:
         parts = f" in {len(region.polygons)} parts" if len(region.polygons) > 1 else ""
         out.print(f"within reach: {region.area:.1f} m²{parts}", highlight=False)
+    for warning in region.warnings:
+        print_note(warning)
+    if not region.is_complete:
+        print_note(f"the deadline of {deadline:g} s came first: the region is a part of the true one.")
     if not region.polygons:
         raise typer.Exit(EXIT_UNMET)
 

@@ -12,9 +12,29 @@ import typer
 
 from api.areas import read_areas
 from api.cli_common import EXIT_UNMET, Field_, read_field, write_file
+from api.cli_options import (
+    Areas_,
+    Avoid_,
+    BlindR95_,
+    FixRate_,
+    MaxAccel_,
+    MaxCollision_,
+    MaxEllipse95_,
+    MaxR95_,
+    MaxSpeed_,
+    Odometry_,
+    Radius_,
+    StartCovariance_,
+    StartSigma_,
+    Weight_,
+    odometry_of,
+    place_of,
+    start_covariance_of,
+)
 from api.console import err, print_note, print_plan
 from api.questions import FRONT_COUNT, AlternativesAsked, FrontAsked, More
 from localization.heading_field import HeadingField
+from localization.motion import OdometryModel
 from planner.errors import InvalidProblem
 
 if TYPE_CHECKING:
@@ -26,7 +46,7 @@ def plan(
     field_path: Field_,
     start: Annotated[tuple[float, float], typer.Option(metavar="X Y", help="Start, m.")],
     goal: Annotated[tuple[float, float], typer.Option(metavar="X Y", help="Goal, m.")],
-    radius: Annotated[float, typer.Option(metavar="R", help="Radius of the robot, m.")] = 0.35,
+    radius: Radius_ = 0.35,
     objective: Annotated[
         str,
         typer.Option(
@@ -34,20 +54,10 @@ def plan(
             "length; pareto: routes from the shortest to the surest."
         ),
     ] = "weighted",
-    weight: Annotated[
-        float, typer.Option(metavar="W", help="Extra metres accepted per metre driven at r95 = 1 m.")
-    ] = 4.0,
-    max_r95: Annotated[
-        float | None, typer.Option("--max-r95", metavar="B", help="Never less certain than this, m.")
-    ] = None,
-    max_ellipse95: Annotated[
-        float | None,
-        typer.Option("--max-ellipse95", metavar="B", help="Semi-major axis of the 95 % ellipse, m."),
-    ] = None,
-    max_collision_probability: Annotated[
-        float | None,
-        typer.Option("--max-collision-probability", metavar="P", help="Of every pose, 0 to 1."),
-    ] = None,
+    weight: Weight_ = 4.0,
+    max_r95: MaxR95_ = None,
+    max_ellipse95: MaxEllipse95_ = None,
+    max_collision_probability: MaxCollision_ = None,
     max_blind_distance: Annotated[
         float | None,
         typer.Option("--max-blind-distance", metavar="D", help="Longest stretch without a fix, m."),
@@ -56,6 +66,10 @@ def plan(
         str,
         typer.Option(help="Whose uncertainty counts: fix, or fused (the filter's, odometry and fixes)."),
     ] = "fix",
+    odometry: Odometry_ = None,
+    fix_rate: FixRate_ = 10.0,
+    start_sigma: StartSigma_ = None,
+    start_covariance: StartCovariance_ = None,
     against: Annotated[
         str | None, typer.Option(help="For pareto: worst (default) or mean r95 against length.")
     ] = None,
@@ -110,24 +124,11 @@ def plan(
         list[str] | None,
         typer.Option(metavar="X,Y", help="Place to pass; may be given several times, in order."),
     ] = None,
-    avoid: Annotated[
-        Path | None,
-        typer.Option(metavar="GEOJSON", help="Polygons that the robot must not enter, map metres."),
-    ] = None,
-    areas: Annotated[
-        Path | None,
-        typer.Option(metavar="GEOJSON", help="Polygons with a property 'factor' of the cost per metre."),
-    ] = None,
-    blind_r95: Annotated[
-        float | None,
-        typer.Option(
-            "--blind-r95",
-            metavar="B",
-            help="Allow cells without a fix, at the cost of a place with this r95, m. Default: forbidden.",
-        ),
-    ] = None,
-    max_speed: Annotated[float, typer.Option("--max-speed", metavar="V", help="m/s.")] = 1.2,
-    max_accel: Annotated[float, typer.Option("--max-accel", metavar="A", help="m/s².")] = 0.8,
+    avoid: Avoid_ = None,
+    areas: Areas_ = None,
+    blind_r95: BlindR95_ = None,
+    max_speed: MaxSpeed_ = 1.2,
+    max_accel: MaxAccel_ = 0.8,
     deadline: Annotated[float, typer.Option(metavar="S", help="Time for the whole plan, s.")] = 2.0,
     seed: Annotated[int, typer.Option(metavar="N", help="Same seed, same answer.")] = 0,
     output: Annotated[
@@ -168,14 +169,17 @@ def plan(
         max_collision_probability=max_collision_probability,
         max_blind_distance=max_blind_distance,
         covariance=covariance,  # type: ignore[arg-type]  # checked by the problem itself
+        odometry=OdometryModel() if odometry is None else odometry_of(odometry),
+        fix_rate=fix_rate,
+        start_covariance=start_covariance_of(start_sigma, start_covariance),
         kinematics=kinematics,  # type: ignore[arg-type]  # checked by the problem itself
         min_turn_radius=min_turn_radius,
         start_heading=None if start_heading_deg is None else math.radians(start_heading_deg),
         goal_heading=None if goal_heading_deg is None else math.radians(goal_heading_deg),
-        footprint=None if footprint is None else tuple(_place(text) for text in footprint.split()),
+        footprint=None if footprint is None else _footprint(footprint),
         turn_rate=max_turn_rate,
         max_turn_accel=math.inf if max_turn_accel is None else max_turn_accel,
-        via=tuple(_place(text) for text in via or ()),
+        via=tuple(place_of(text, "The via point", "--via 12.5,3") for text in via or ()),
         avoid=tuple(polygon for polygon, _ in read_areas(avoid)),
         areas=tuple((polygon, factor) for polygon, factor in read_areas(areas)),
         blind_r95=blind_r95,
@@ -241,10 +245,8 @@ def _pan_rate(degrees: float | None) -> float:
     return math.radians(degrees)
 
 
-def _place(text: str) -> tuple[float, float]:
-    """A place from ``X,Y``."""
-    try:
-        x, y = (float(part) for part in text.split(","))
-    except ValueError:
-        raise InvalidProblem(f"The via point is '{text}'; give X,Y in m, such as --via 12.5,3.") from None
-    return x, y
+def _footprint(text: str) -> tuple[tuple[float, float], ...]:
+    """Corners from ``X,Y X,Y …``."""
+    example = '--footprint "0.5,0.3 -0.5,0.3 -0.5,-0.3 0.5,-0.3"'
+    corners = enumerate(text.split(), 1)
+    return tuple(place_of(corner, f"Corner {k} of the footprint", example) for k, corner in corners)

@@ -13,6 +13,7 @@ import typer
 from rich.table import Table
 
 from api.cli_common import Field_, write_file
+from api.cli_options import FixRate_, Odometry_, StartSigma_, odometry_of, start_variances
 from api.codec import DocumentError, read_json_file
 from api.codec_simulation import (
     footprint_of_answer,
@@ -21,13 +22,10 @@ from api.codec_simulation import (
     trajectory_of_answer,
 )
 from api.console import err, out, print_note
-from localization.motion import OdometryModel
-from planner.errors import InvalidProblem
 from planner.reference import fitting_steering
 from planner.simulation import DEFAULT_ODOMETRY, SimulatedRobot, simulate
 from planner.simulation_report import SimulationReport
 
-_NOISES = ("distance", "turn", "drift", "slip")
 _PLAN_BYTES = 32_000_000
 
 
@@ -42,15 +40,8 @@ def simulate_command(
         float | None,
         typer.Option(metavar="R", help="Radius of the robot, m. Default: the plan's, or its footprint."),
     ] = None,
-    odometry: Annotated[
-        str | None,
-        typer.Option(
-            metavar="KEY=σ,…",
-            help="Noise: distance (m after 1 m), turn (rad after 1 rad), drift (rad after 1 m), "
-            "slip (m after 1 m). Default: distance=0.02,turn=0.03,drift=0.01,slip=0.",
-        ),
-    ] = None,
-    fix_rate: Annotated[float, typer.Option("--fix-rate", metavar="HZ", help="Fixes per second.")] = 5.0,
+    odometry: Odometry_ = None,
+    fix_rate: FixRate_ = 5.0,
     mode: Annotated[str, typer.Option(help="Steer on filter (EKF) or fix (the last one).")] = "filter",
     policy: Annotated[
         str,
@@ -75,12 +66,7 @@ def simulate_command(
         float,
         typer.Option("--view-margin-deg", metavar="DEG", help="Landmarks keep this from a view's edges."),
     ] = 0.0,
-    start_sigma: Annotated[
-        tuple[float, float] | None,
-        typer.Option(
-            "--start-sigma", metavar="M DEG", help="How well the start is known. Default: as by a fix there."
-        ),
-    ] = None,
+    start_sigma: StartSigma_ = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="JSON", help="Write the report; - prints it.")
     ] = None,
@@ -147,28 +133,6 @@ def simulate_command(
                 out.print(f"written: {path}", highlight=False)
 
 
-def odometry_of(text: str) -> OdometryModel:
-    """Noise from ``distance=0.02,turn=0.03,…``; what is left out keeps its default.
-
-    Raises
-    ------
-    InvalidProblem
-        If a name is unknown, given twice, or without a number.
-    """
-    values: dict[str, float] = {}
-    for part in text.split(","):
-        key, _, value = (p.strip() for p in part.partition("="))
-        if key not in _NOISES or f"{key}_sigma" in values:
-            raise InvalidProblem(
-                f"The odometry is '{text}'; give {', '.join(_NOISES)}, each once: distance=0.02,…"
-            )
-        try:
-            values[f"{key}_sigma"] = float(value)
-        except ValueError:
-            raise InvalidProblem(f"The odometry's {key} is '{value}'; give a number.") from None
-    return OdometryModel(**values)
-
-
 def simulation_table(report: SimulationReport) -> Table:
     """Figures of a simulation for people."""
     table = Table(show_header=False, box=None)
@@ -207,9 +171,8 @@ def _shares(report: SimulationReport) -> str:
 
 
 def _start(sigma: float, sigma_deg: float) -> np.ndarray[Any, np.dtype[np.float64]]:
-    if not all(math.isfinite(v) and v > 0 for v in (sigma, sigma_deg)):
-        raise InvalidProblem(f"The start is known to {sigma} m and {sigma_deg}°; both must be positive.")
-    return np.diag([sigma, sigma, math.radians(sigma_deg)]) ** 2
+    place, heading = start_variances(sigma, sigma_deg)
+    return np.diag([place, place, heading])
 
 
 def _check_same_map(answer: dict[str, Any], content_hash: str) -> None:

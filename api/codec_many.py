@@ -53,7 +53,7 @@ def region_answer(region: Region, label: FieldLabel, order: RegionOrder) -> dict
     return {
         **region_to_geojson(region),
         **_head("complete" if region.is_complete else "timeout", label, order.client_ref),
-        "warnings": [*order.warnings, *late],
+        "warnings": [*order.warnings, *region.warnings, *late],
     }
 
 

@@ -21,7 +21,7 @@ from localization.heading_field import HeadingField
 from localization.uncertainty_field import UncertaintyField
 from maps.arrays import FloatArray, IntArray
 from planner.problem import PlanningProblem
-from planner.result import Path, PlanResult, Route, RouteSummary, Trajectory, Unmet
+from planner.result import Blockage, Path, PlanResult, Route, RouteSummary, Trajectory, Unmet
 
 
 def engine_version() -> str:
@@ -92,6 +92,7 @@ def plan_to_json(
         "grid_cost": number(result.grid_cost),
         "gap": number(result.gap),
         "unmet": [_unmet(u) for u in result.unmet],
+        "blocked": None if result.blocked is None else _blocked(result.blocked),
         "warnings": [*warnings, *result.warnings],
     }
     return seal(answer)
@@ -311,4 +312,15 @@ def _unmet(item: Unmet) -> dict[str, Any]:
         "place": {"x_m": item.place[0], "y_m": item.place[1]},
         "smallest_possible": number(item.smallest_possible),
         "message": item.message,
+    }
+
+
+def _blocked(blocked: Blockage) -> dict[str, Any]:
+    return {
+        "place": {"x_m": number(blocked.place[0]), "y_m": number(blocked.place[1])},
+        "radius_m": blocked.radius,
+        "largest_radius_m": number(blocked.largest_radius),
+        "between": [f"avoid/{k - 1}" if k else "wall" for k in blocked.between],
+        "avoid": [k - 1 for k in blocked.areas],
+        "largest_radius_without_avoid_m": number(blocked.radius_without_areas),
     }

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -19,8 +20,9 @@ out = Console()
 err = Console(stderr=True)
 
 _LONGEST = "longest without a fix [m]"
+_Read = Callable[[dict[str, Any]], float | None]
 #: Figures of a route: name, digits, where they stand in the answer.
-_ROWS: list[tuple[str, int, Callable[[dict[str, Any]], float | None]]] = [
+_ROWS: list[tuple[str, int, _Read]] = [
     ("length [m]", 2, lambda r: r["length_m"]),
     ("duration [s]", 2, lambda r: r["duration_s"]),
     ("mean r95 [m]", 4, lambda r: r["uncertainty"]["mean_r95_m"]),
@@ -36,6 +38,22 @@ _TOLD = {"turning": "turning", "blind": "none"}
 SHORT_S = 0.1
 # Less is nothing, m.
 _SEEN_M = 0.05
+_RISK = "max_collision_probability"
+# Figures that are shown where they are bounded: the constraint, then as above; digits None: a probability.
+_BOUNDED: list[tuple[str, str, int | None, _Read]] = [
+    ("max_ellipse95_m", "worst ellipse axis [m]", 4, lambda r: r["uncertainty"]["max_ellipse95_m"]),
+    ("max_blind_distance_m", _LONGEST, 2, lambda r: r["uncertainty"]["longest_blind_m"]),
+    (_RISK, "collision probability", None, lambda r: r["risk"][_RISK]),
+    (_RISK, "  its coarse bound", None, lambda r: r["risk"]["max_collision_bound"]),
+]
+# The same in the heads of columns.
+_SHORT = {
+    "worst ellipse axis [m]": "axis",
+    _LONGEST: "longest",
+    "collision probability": "risk",
+}
+# Collision probabilities from this on are shown in any case.
+_TINY = 1e-6
 
 
 def progress_bar() -> Progress:
@@ -124,17 +142,31 @@ def print_plan(answer: dict[str, Any]) -> None:
 def comparison_table(answer: dict[str, Any]) -> Table:
     """Shortest path against the one asked for, from the answer of ``POST /v1/plans``."""
     table = Table()
-    for name in ("", "shortest", "low uncertainty", "change"):
+    for name in ("", "shortest", "this plan", "change"):
         table.add_column(name, justify="left" if not name else "right")
     chosen, shortest = answer["routes"][0], answer.get("shortest_baseline")
-    for name, digits, read in _ROWS:
+    bounded = _bounded_rows(answer)
+    is_bounded = any(row[0] == _LONGEST for row in bounded)
+    for name, digits, read in [*_ROWS, *(row for row in bounded if row[0] != _LONGEST)]:
         a = read(shortest) if shortest else None
         b = read(chosen)
-        if name == _LONGEST and not (a or b):
+        if name == _LONGEST and not (a or b) and not is_bounded:
             continue
-        change = f"{100 * (b - a) / a:+.1f} %" if a and b is not None else ""
+        change = f"{100 * (b - a) / a:+.1f} %" if a and b is not None and digits is not None else ""
         table.add_row(escape(name), *(_cell(v, digits) for v in (a, b)), change)
     return table
+
+
+def _bounded_rows(answer: dict[str, Any]) -> list[tuple[str, int | None, _Read]]:
+    """Rows of what the question bounds, and of the collision probability where it is not tiny."""
+    constraints = answer["request"]["constraints"]
+    routes = [*answer["routes"], *filter(None, [answer.get("shortest_baseline")])]
+    risk = max((r["risk"][_RISK] or 0.0 for r in routes), default=0.0)
+    return [
+        (name, digits, read)
+        for bound, name, digits, read in _BOUNDED
+        if constraints[bound] is not None or (name == "collision probability" and risk >= _TINY)
+    ]
 
 
 def routes_table(answer: dict[str, Any]) -> Table:
@@ -142,10 +174,14 @@ def routes_table(answer: dict[str, Any]) -> Table:
     routes, shortest = answer["routes"], answer.get("shortest_baseline")
     front = routes[0].get("front")
     last = "shared" if front is None else "max r95" if front["against"] == "worst" else "weight"
-    table = Table()
-    for name in ("route", "m", "s", "mean r95", "worst r95", "no fix", "clear", last):
+    # One space between columns: a terminal of 80 must hold all figures whole.
+    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    bounded = [row for row in _bounded_rows(answer) if row[0] in _SHORT]
+    shown = [_SHORT[name] for name, _, _ in bounded]
+    table.add_column("route", justify="right", no_wrap=True, min_width=len("shortest"))
+    for name in ("m", "s", "mean r95", "worst r95", "no fix", "clear", *shown, last):
         table.add_column(name, justify="right")
-    rows = [row for row in _ROWS if "area" not in row[0] and row[0] != _LONGEST]
+    rows = [*(row for row in _ROWS if "area" not in row[0] and row[0] != _LONGEST), *bounded]
     for number, route in enumerate(routes, 1):
         cells = [_cell(read(route), digits) for _, digits, read in rows]
         table.add_row(str(number), *cells, _of_list(route))
@@ -212,5 +248,8 @@ def late_words(part: dict[str, Any]) -> str:
     return "nothing" if part["late_r95_m"] is None else f"r95 {part['late_r95_m']:.3f}"
 
 
-def _cell(value: float | None, digits: int) -> str:
-    return "–" if value is None else f"{value:.{digits}f}"
+def _cell(value: float | None, digits: int | None) -> str:
+    """A figure; a probability, without digits, with two that count."""
+    if value is None:
+        return "–"
+    return f"{value:.2g}" if digits is None else f"{value:.{digits}f}"

@@ -19,6 +19,7 @@ from planner.landmark_schedule import BLIND_R95, schedule_landmarks
 from planner.pareto import ParetoFront, pareto_front
 from planner.problem import MAX_DEADLINE_S, MIN_DEADLINE_S, PlanningProblem
 from planner.result import PlanResult, Trajectory
+from planner.unmet import risky_in_words
 
 Report = Callable[[Found], None]
 # Part of the deadline in which routes are found when a schedule is asked for.
@@ -57,11 +58,23 @@ def find(
     else:
         tell = None if report is None else _telling(report)
         found = Found.of(planning.plan(hurried, context, report=tell))
+    found = _with_risk_said(found, problem)
     if not more.schedule:
         return found
     if report is not None:
         report(found)
     return _scheduled(found, context, problem, more.pan_rate, clock)
+
+
+def _with_risk_said(found: Found, problem: PlanningProblem) -> Found:
+    """The same with a warning for the first route that is likely to touch something, if any is."""
+    for number, listed in enumerate(found.routes, 1):
+        said = risky_in_words(problem, listed.route)
+        if said is not None:
+            where = f"Route {number}: " if len(found.routes) > 1 else ""
+            warnings = (*found.result.warnings, where + said)
+            return replace(found, result=replace(found.result, warnings=warnings))
+    return found
 
 
 def _telling(report: Report) -> Callable[[PlanResult], None]:
@@ -113,7 +126,10 @@ def _front(
         )
         first = routes[0].route if routes else None
         warnings = (*notes, *front.warnings)
-        return Found(PlanResult(front.status, first, None, None, "pareto", front.unmet, warnings), routes)
+        result = PlanResult(
+            front.status, first, None, None, "pareto", front.unmet, warnings, blocked=front.blocked
+        )
+        return Found(result, routes)
 
     def tell(front: ParetoFront) -> None:
         if report is not None:

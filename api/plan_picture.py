@@ -173,7 +173,7 @@ def _routes(answer: dict[str, Any]) -> list[_Drawn]:
         # Beside several routes its large ellipses would hide them.
         alone = len(found) < 2
         out.append(_drawn("shortest", _SHORTEST, answer["shortest_baseline"], has_ellipses=alone))
-    only = "shortest" if is_shortest else "low uncertainty"
+    only = "shortest" if is_shortest else "this plan"
     names = [only] if len(found) == 1 else [str(k + 1) for k in range(len(found))]
     listed = [
         _drawn(name, color, route, is_main=k == 0, has_ellipses=k == 0 or route.get("front") is not None)

@@ -94,12 +94,24 @@ class ClearanceIndex:
         """
         if cell_m is not None and not (math.isfinite(cell_m) and cell_m > 0):
             raise InvalidGeometry(f"Bucket side is {cell_m} m; it must be positive and finite.")
-        edges = world.floor.free_edges()
+        return cls.from_edges(world.floor, world.floor.free_edges(), cell_m)
+
+    def with_edges(self, edges: npt.ArrayLike) -> ClearanceIndex:
+        """The same boundary with further segments (K, 4): x0, y0, x1, y1 in W, m; the floor stays.
+
+        Distances are then to the nearest of both; which side of the further segments is free, the index does
+        not know.
+        """
+        return self.from_edges(self.floor, np.concatenate([self.segments, np.asarray(edges).reshape(-1, 4)]))
+
+    @classmethod
+    def from_edges(cls, floor: Floor, edges: FloatArray, cell_m: float | None = None) -> ClearanceIndex:
+        """Index any segments (M, 4): x0, y0, x1, y1 in W, m; arguments as of :meth:`from_world`."""
         if len(edges) == 0:
             empty = np.zeros((1, 2), dtype=np.int64)
             nothing = np.empty(0, dtype=np.int32)
             gap = np.ones((1, 1), dtype=np.int32)
-            return cls(world.floor, edges, empty, nothing, gap, np.array([0.0, 0.0, 1.0]))
+            return cls(floor, edges, empty, nothing, gap, np.array([0.0, 0.0, 1.0]))
         low = np.minimum(edges[:, :2], edges[:, 2:]).min(axis=0)
         high = np.maximum(edges[:, :2], edges[:, 2:]).max(axis=0)
         width, height = np.maximum(high - low, 1e-6)
@@ -117,7 +129,7 @@ class ClearanceIndex:
         items = np.empty(int(flat[-1]), dtype=np.int32)
         bucket_segments(edges, grid, start[:, :-1].copy(), items)
         gap = distance_transform_cdt(counts == 0, metric="chessboard").astype(np.int32)
-        return cls(world.floor, edges, start, items, gap, grid)
+        return cls(floor, edges, start, items, gap, grid)
 
     @property
     def arrays(self) -> ClearanceArrays:

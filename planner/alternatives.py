@@ -21,7 +21,8 @@ from planner.errors import InvalidProblem
 from planner.grid_search import Way
 from planner.kernels.any_angle import relax, subdivide
 from planner.kernels.line_cost import polyline_pieces
-from planner.plan import finished, first_way, plan
+from planner.narrow import first_way
+from planner.plan import finished, plan
 from planner.problem import PlanningProblem
 from planner.result import PlanResult, Route
 from planner.unmet import keeps_risk

@@ -14,6 +14,10 @@ import numpy.typing as npt
 _LONGEST_S = 1e6
 
 
+class Stopped(Exception):
+    """A flag ended a computation that has nothing to show before it is done; caught inside the planner."""
+
+
 @contextmanager
 def flag_at(deadline_at: float, flag: npt.NDArray[np.uint8] | None = None) -> Iterator[npt.NDArray[np.uint8]]:
     """Shape (1,): becomes 1 at a ``time.monotonic()``, for kernels that run without the interpreter's lock.

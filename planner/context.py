@@ -6,10 +6,12 @@ import math
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
+from contextlib import suppress
 from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
+from shapely import Polygon
 
 from localization import covariance as cov
 from localization.heading_field import HeadingField
@@ -17,14 +19,16 @@ from localization.uncertainty_field import UncertaintyField
 from maps.arrays import BoolArray, FloatArray, frozen
 from maps.clearance import ClearanceIndex
 from planner.background import Background, Keep, Make
+from planner.clock import Stopped
 from planner.cost_space import cost_space_for
 from planner.cost_to_go import CostToGo, GridGraph, Place
 from planner.extras import NO_EXTRAS, Extras, cost_factors, forbidden_cells, judged_covariance
 from planner.footprint import Footprint, fitting_headings
 from planner.fused_belief import FusedField
+from planner.obstacles import Obstacles
 from planner.pair_search import GridPath, InformedCells, PairSearch
 from planner.pivots import COUNT, Pivots
-from planner.risk import cell_probabilities
+from planner.risk import Stop, risky_cells
 
 #: Memory for graphs, for costs to go and for pivots, bytes each.
 CACHE_BYTES = 256_000_000
@@ -124,6 +128,15 @@ class PlanningContext:
 
         return self._cached(self._graphs, (radius, weight, max_r95, blind_rate, extras), build)
 
+    def obstacles(self, avoid: tuple[Polygon, ...] = ()) -> Obstacles:
+        """Walls and areas to avoid, W, m, as obstacles of one kind."""
+
+        def build() -> tuple[Obstacles, int]:
+            made = Obstacles.of(self, avoid)
+            return made, made.centre_clearance.nbytes if avoid else 0
+
+        return self._cached(self._costs, ("obstacles", avoid), build)
+
     def fused(self, *, stop: npt.NDArray[np.uint8] | None = None) -> FusedField | None:
         """Information of one fix in every cell, for searches by the filter's belief.
 
@@ -143,35 +156,56 @@ class PlanningContext:
             with self._lock:
                 self._costs.put("fused", made, _with_size(made)[1])
 
-    def values_of(self, name: str, radius: float, blind_r95: float | None = None) -> FloatArray:
-        """Shape (ny, nx): what a bound is compared with in each cell; NaN where it says nothing.
-
-        Parameters
-        ----------
-        name
-            ``max_r95_m``, ``max_ellipse95_m`` or ``max_collision_probability``.
-        radius
-            Of the robot's disc, m.
-        blind_r95
-            What stands for r95 without a fix when collisions are judged, m.
-        """
+    def values_of(self, name: str) -> FloatArray:
+        """Shape (ny, nx): what a bound, ``max_r95_m`` or ``max_ellipse95_m``, is compared with."""
         if name == "max_r95_m":
             return self.r95
 
         def build() -> tuple[FloatArray, int]:
-            if name == "max_ellipse95_m":
-                values = np.ascontiguousarray(cov.ellipse95(self.field.covariance)[..., 0])
-            else:
-                values = cell_probabilities(
-                    self.clearance,
-                    self.field.frame.centres(),
-                    self.centre_clearance,
-                    judged_covariance(self.field, blind_r95),
-                    radius=radius,
-                )
-            return frozen(values), values.nbytes
+            values: FloatArray = frozen(cov.ellipse95(self.field.covariance)[..., 0])
+            return values, values.nbytes
 
-        return self._cached(self._costs, (name, radius, blind_r95), build)
+        return self._cached(self._costs, name, build)
+
+    def risky(
+        self, limit: float, *, radius: float, blind_r95: float | None, stop: Stop | None = None
+    ) -> BoolArray:
+        """Cells (ny, nx) whose collision probability exceeds a limit, as of ``planner.risk.risky_cells``.
+
+        When ``stop`` ends it early they are judged in the background, for who asks again.
+        """
+        key = ("risky", limit, radius, blind_r95)
+        field, clearance, room = self.field, self.clearance, self.centre_clearance
+
+        def judged(flag: Stop | None) -> BoolArray:
+            covariance = judged_covariance(field, blind_r95)
+            return risky_cells(
+                clearance, field.frame, room, covariance, radius=radius, limit=limit, stop=flag
+            )
+
+        def judged_later(flag: Stop) -> BoolArray | None:
+            with suppress(Stopped):
+                return judged(flag)
+            return None
+
+        def keep(owner: PlanningContext, cells: BoolArray | None) -> None:
+            if cells is not None:
+                owner.keep_risky(cells, limit, radius=radius, blind_r95=blind_r95)
+
+        def build() -> tuple[BoolArray, int]:
+            cells: BoolArray = frozen(judged(stop), np.bool_)
+            return cells, cells.nbytes
+
+        try:
+            return self._cached(self._costs, key, build)
+        except Stopped:
+            self.background.add(key, judged_later, keep)
+            raise
+
+    def keep_risky(self, cells: BoolArray, limit: float, *, radius: float, blind_r95: float | None) -> None:
+        """Keep the answer of :meth:`risky` that was found otherwise."""
+        with self._lock:
+            self._costs.put(("risky", limit, radius, blind_r95), frozen(cells, np.bool_), cells.nbytes)
 
     def fits(
         self, footprint: Footprint, margin: float, count: int, *, stop: npt.NDArray[np.uint8] | None = None

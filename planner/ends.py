@@ -27,6 +27,7 @@ def check_ends(problem: PlanningProblem, context: PlanningContext) -> None:
         If it is not free, or nearer to an obstacle or an area to avoid than the radius. Message and
         ``nearest_free`` say where the robot fits.
     """
+    radius, robot = problem.inner_radius, problem.robot_in_words
     for name in ("start", "goal"):
         x, y = place = problem.start if name == "start" else problem.goal
         said = f"{name.capitalize()} ({x:g}, {y:g}) m"
@@ -34,31 +35,28 @@ def check_ends(problem: PlanningProblem, context: PlanningContext) -> None:
             x0, y0, x1, y1 = context.field.frame.bounds()
             raise _OUTSIDE[name](
                 f"{said} is outside the map, which spans x {x0:g} … {x1:g} m, y {y0:g} … {y1:g} m.",
-                nearest_free=_hint(place, problem.radius, context),
+                nearest_free=_hint(place, radius, context),
             )
         for k, polygon in enumerate(problem.avoid):
             gap = float(polygon.distance(Point(place)))
-            if gap <= problem.radius:
+            if gap <= radius:
                 raise _OCCUPIED[name](
-                    f"{said} is {_down(gap)} m from avoid area {k + 1}, which a robot of radius "
-                    f"{problem.radius:g} m must not touch. Move the place, or change the area."
+                    f"{said} is {_down(gap)} m from avoid area {k + 1}, which {robot} must not "
+                    "touch. Move the place, or change the area."
                 )
         distance = float(context.clearance.distance([place])[0])
-        if distance >= max(problem.radius - TOUCH_M, TOUCH_M):
+        if distance >= max(radius - TOUCH_M, TOUCH_M):
             continue
-        hint = _hint(place, problem.radius, context)
+        hint = _hint(place, radius, context)
         where = (
-            "It fits nowhere on this map; use a smaller radius."
+            "It fits nowhere on this map; a smaller robot may."
             if hint is None
             else f"The nearest place where it fits is ({hint[0]:.2f}, {hint[1]:.2f}) m."
         )
         if distance <= TOUCH_M:
-            trouble = f"is not in free space; a robot of radius {problem.radius:g} m cannot stand there."
+            trouble = f"is not in free space; {robot} cannot stand there."
         else:
-            trouble = (
-                f"is {_down(distance)} m from the nearest obstacle; "
-                f"a robot of radius {problem.radius:g} m needs {problem.radius:g} m."
-            )
+            trouble = f"is {_down(distance)} m from the nearest obstacle; {robot} needs {radius:g} m."
         raise _OCCUPIED[name](f"{said} {trouble} {where}", nearest_free=hint)
 
 

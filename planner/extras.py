@@ -13,7 +13,7 @@ from localization import covariance as cov
 from localization.uncertainty_field import UncertaintyField
 from maps.arrays import BoolArray, FloatArray
 from maps.grid import GridFrame
-from planner.risk import risky_cells
+from planner.obstacles import cells_around
 
 if TYPE_CHECKING:
     from planner.context import PlanningContext
@@ -67,14 +67,7 @@ def forbidden_cells(extras: Extras, context: PlanningContext, radius: float) -> 
         with np.errstate(invalid="ignore"):
             out |= cov.ellipse95(field.covariance)[..., 0] > extras.max_ellipse95
     if extras.max_probability is not None:
-        out |= risky_cells(
-            context.clearance,
-            field.frame.centres(),
-            context.centre_clearance,
-            judged_covariance(field, extras.blind_r95),
-            radius=radius,
-            limit=extras.max_probability,
-        )
+        out |= context.risky(extras.max_probability, radius=radius, blind_r95=extras.blind_r95)
     for polygon in extras.avoid:
         out |= cells_near(field.frame, polygon, radius)
     return out if out.any() else None
@@ -107,13 +100,7 @@ def cost_factors(extras: Extras, frame: GridFrame) -> FloatArray | None:
 def cells_near(frame: GridFrame, polygon: Polygon, distance: float) -> BoolArray:
     """Cells of which some point is nearer to a polygon than a distance, m."""
     out = np.zeros(frame.shape, dtype=np.bool_)
-    x0, y0, x1, y1 = polygon.bounds
-    reach = distance + frame.resolution
-    corners = np.array([[x, y] for x in (x0 - reach, x1 + reach) for y in (y0 - reach, y1 + reach)])
-    cells = frame.to_grid(corners)
-    (c0, r0), (c1, r1) = np.floor(cells.min(axis=0)).astype(int), np.ceil(cells.max(axis=0)).astype(int)
-    rows = slice(max(0, r0), min(frame.n_rows, r1 + 1))
-    cols = slice(max(0, c0), min(frame.n_cols, c1 + 1))
+    rows, cols = cells_around(frame, polygon, distance)
     if rows.start >= rows.stop or cols.start >= cols.stop:
         return out
     r, c = np.mgrid[rows, cols]

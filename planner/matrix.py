@@ -201,7 +201,7 @@ class _Work:
         wanted: BoolArray,
     ) -> None:
         self.context = context
-        self.radius = travel.radius
+        self.radius, self.avoid = travel.radius, travel.avoid
         self.graph = travel.graph(context)
         self.begins, self.ends, self.wanted = begins, ends, wanted
         self.begin_status, self.end_status = (
@@ -251,7 +251,7 @@ class _Work:
             return missing
         ends = (self.begins, self.ends)
         a, b = ([side[k] for k in np.flatnonzero(use)] for side, use in zip(ends, ok, strict=True))
-        part = components(self.context, self.radius, a + b)
+        part = components(self.context, self.radius, a + b, self.avoid)
         missing[np.ix_(*ok)] &= part[: len(a), None] == part[len(a) :]
         return missing
 

@@ -9,37 +9,72 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import label
+from shapely import Polygon
 
 from localization.uncertainty_field import LAYERS
 from maps.arrays import IntArray
 from maps.clearance import TOUCH_M
+from planner.clock import Clock
 from planner.context import PlanningContext
 from planner.cost_to_go import Place
+from planner.grid_search import Way, find_way
+from planner.problem import PlanningProblem
 
 # Sides of a cell are divided by the largest of these that keeps the finer grid below its limit of cells.
 _FACTORS = (4, 2)
 _MAX_CELLS = 4_000_000
 
 
-def is_disconnected(context: PlanningContext, radius: float, start: Place, goal: Place) -> bool:
-    """Whether it is proven that no path of a disc leads from start to goal.
+def first_way(
+    problem: PlanningProblem, context: PlanningContext, clock: Clock
+) -> tuple[Way | None, PlanningContext, bool]:
+    """Best path on the grid, on finer cells where it needs them.
+
+    Returns
+    -------
+    way, context, proven
+        None when there is none or the deadline came first; the context of the cells that were searched; and
+        whether it is proven that start and goal are not connected.
+    """
+    with clock.stage("grid"):
+        way = find_way(problem, context, clock)
+        proven = way is None and cannot_connect(problem, context)
+        if way is None and not proven and not clock.is_over():
+            finer = refined(context)
+            if finer is not None:
+                context = finer
+                way = find_way(problem, context, clock)
+    return way, context, proven
+
+
+def cannot_connect(problem: PlanningProblem, context: PlanningContext) -> bool:
+    """Whether it is proven that no path leads from the start to the goal of a question; the bounds aside."""
+    return is_disconnected(context, problem.inner_radius, problem.start, problem.goal, problem.avoid)
+
+
+def is_disconnected(
+    context: PlanningContext, radius: float, start: Place, goal: Place, avoid: tuple[Polygon, ...] = ()
+) -> bool:
+    """Whether it is proven that no path of a disc leads from start to goal, clear of areas to avoid.
 
     A place with clearance ``radius`` lies in a cell whose centre has at least ``radius − resolution/√2``:
     where even such cells do not connect, nothing does.
     """
-    a, b = components(context, radius, [start, goal])
+    a, b = components(context, radius, [start, goal], avoid)
     return bool(a != b)
 
 
-def components(context: PlanningContext, radius: float, places: list[Place]) -> IntArray:
-    """Number of the part of the map that each place is in; shape (K,).
+def components(
+    context: PlanningContext, radius: float, places: list[Place], avoid: tuple[Polygon, ...] = ()
+) -> IntArray:
+    """Number of the part of the map, less areas to avoid, that each place is in; shape (K,).
 
     Between different parts it is proven that no path leads (see :func:`is_disconnected`). The places must be
     on the map.
     """
     frame = context.field.frame
     least = radius - frame.resolution / math.sqrt(2.0) - TOUCH_M
-    labels, _ = label(context.centre_clearance >= least, structure=np.ones((3, 3)))
+    labels, _ = label(context.obstacles(avoid).centre_clearance >= least, structure=np.ones((3, 3)))
     rows, cols = frame.cell_at(places).T
     return np.asarray(labels[rows, cols], dtype=np.int64)
 

@@ -14,10 +14,12 @@ from planner.errors import InvalidProblem
 from planner.example_context import example_context
 from planner.grid_search import Way
 from planner.kernels.matrix import way_figures
+from planner.narrow import first_way
+from planner.no_way import nothing_found
 from planner.pareto_grid import GridFront, GridPoint, not_dominated, spread
-from planner.plan import finished, first_way, nothing_found
+from planner.plan import finished
 from planner.problem import PlanningProblem
-from planner.result import PlanStatus, Route, Unmet
+from planner.result import Blockage, PlanStatus, Route, Unmet
 from planner.unmet import keeps_risk, unmet_bounds
 
 Against = Literal["worst", "mean"]
@@ -78,6 +80,8 @@ class ParetoFront:
         With ``RISK_UNMET``: what the best effort misses.
     stats
         Points on the grid and seconds.
+    blocked
+        With ``NO_PATH``: what blocks the way, if it is known.
     """
 
     against: Against
@@ -86,6 +90,7 @@ class ParetoFront:
     warnings: tuple[str, ...] = ()
     unmet: tuple[Unmet, ...] = ()
     stats: dict[str, float] = field(default_factory=dict)
+    blocked: Blockage | None = None
 
 
 def pareto_front(
@@ -153,7 +158,7 @@ def pareto_front(
     way, context, proven = first_way(plain, context, clock)
     if way is None:
         none = nothing_found(plain, context, clock, proven=proven)
-        return ParetoFront(against, (), none.status, none.warnings, stats=none.stats)
+        return ParetoFront(against, (), none.status, none.warnings, stats=none.stats, blocked=none.blocked)
     if way.relaxed or way.is_blind_forced:
         return _best_effort(way, plain, context, clock, against)
     with clock.stage("front"), Clock(problem.deadline * _GRID_SHARE).stop_flag() as stop:

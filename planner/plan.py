@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import shapely
 
 from maps.arrays import FloatArray
 from planner import belief_plan, sampling, smoothing
@@ -21,14 +22,15 @@ from planner.grid_search import Way, find_shortest, find_way
 from planner.informed import sampled_from
 from planner.margin import hugs_forbidden, way_with_room
 from planner.motion import Motion, least_limit, move_along, stops_in_words
-from planner.narrow import is_disconnected, refined
+from planner.narrow import cannot_connect, first_way
+from planner.no_way import explained, nothing_found
 from planner.pose_plan import warm_up as warm_up_poses
 from planner.pose_question import plan_facing, plan_with_poses
 from planner.pose_route import facing_its_way
 from planner.problem import PlanningProblem
 from planner.result import PlanResult, PlanStatus, Route, Trajectory
 from planner.timing import time_polyline
-from planner.unmet import keeps_risk, unmet_bounds
+from planner.unmet import ends_over, keeps_risk, unjudged_in_words, unmet_bounds
 from planner.via import plan_via
 
 Report = Callable[[PlanResult], None]
@@ -84,7 +86,15 @@ def plan(problem: PlanningProblem, context: PlanningContext, *, report: Report |
         If it cannot stand at a via point.
     """
     if problem.via:
-        result = plan_via(problem, context, plan)
+        legs: list[PlanResult] = []
+
+        def leg(part: PlanningProblem, there: PlanningContext) -> PlanResult:
+            legs.append(plan(part, there))
+            return legs[-1]
+
+        result = plan_via(problem, context, leg)
+        if result.status is PlanStatus.NO_PATH:
+            result = replace(result, blocked=legs[-1].blocked)
         if report is not None and result.route is not None:
             report(result)
         return result
@@ -113,28 +123,6 @@ def plan(problem: PlanningProblem, context: PlanningContext, *, report: Report |
     clock.seconds["to_final_path"] = clock.elapsed
     shortest = _shortest(problem, context, clock, work, route)
     return _result(problem, kept, route, shortest, work, clock, context)
-
-
-def first_way(
-    problem: PlanningProblem, context: PlanningContext, clock: Clock
-) -> tuple[Way | None, PlanningContext, bool]:
-    """Best path on the grid, on finer cells where it needs them.
-
-    Returns
-    -------
-    way, context, proven
-        None when there is none or the deadline came first; the context of the cells that were searched; and
-        whether it is proven that start and goal are not connected.
-    """
-    with clock.stage("grid"):
-        way = find_way(problem, context, clock)
-        proven = way is None and is_disconnected(context, problem.radius, problem.start, problem.goal)
-        if way is None and not proven and not clock.is_over():
-            finer = refined(context)
-            if finer is not None:
-                context = finer
-                way = find_way(problem, context, clock)
-    return way, context, proven
 
 
 def finished(
@@ -221,14 +209,18 @@ def _within_risk(
     for less.
     """
     limit = problem.max_collision_probability
-    if limit is None or way.relaxed or keeps_risk(route, limit):
+    if limit is None or way.relaxed or way.is_unjudged or keeps_risk(route, limit):
         return way, route
+    if ends_over(limit, route):
+        return way, route  # no way is any better there
     for share in _RISK_SHARES:
         if clock.is_over():
             break
         with clock.stage("risk"):
             careful = find_way(replace(problem, max_collision_probability=share * limit), context, clock)
-        if careful is None or careful.relaxed or careful.is_blind_forced != way.is_blind_forced:
+        if careful is None or careful.is_unjudged or careful.relaxed:
+            break
+        if careful.is_blind_forced != way.is_blind_forced:
             break
         other = _finish(careful, problem, context, clock, work)
         if keeps_risk(other, limit):
@@ -300,11 +292,16 @@ def _special(problem: PlanningProblem, context: PlanningContext, clock: Clock) -
         faced = plan_facing(problem, context, plan(plain, context))
         if faced is not None:
             return faced
+    if not (by_pose or by_belief):
+        return None
+    if cannot_connect(problem, context):
+        # Said at once: a search over headings or beliefs would look at all that is reached first.
+        return nothing_found(problem, context, clock, proven=True)
     if by_pose:
-        return plan_with_poses(problem, context, clock, baseline=baseline)
-    if by_belief:
-        return belief_plan.plan_by_belief(problem, context, clock, baseline=baseline)
-    return None
+        found = plan_with_poses(problem, context, clock, baseline=baseline)
+    else:
+        found = belief_plan.plan_by_belief(problem, context, clock, baseline=baseline)
+    return explained(found, problem, context, clock)
 
 
 def _baseline(problem: PlanningProblem, context: PlanningContext, clock: Clock) -> Route | None:
@@ -366,7 +363,10 @@ def _result(
     context: PlanningContext,
 ) -> PlanResult:
     unmet = unmet_bounds(problem, way, route, context)
-    if unmet:
+    if way.is_unjudged:
+        status = PlanStatus.TIMEOUT if unmet else PlanStatus.APPROXIMATE
+        work.warnings.insert(0, unjudged_in_words(problem))
+    elif unmet:
         status = PlanStatus.RISK_UNMET
     elif way.is_complete and way.grid_cost is not None:
         status = PlanStatus.EXACT
@@ -384,23 +384,6 @@ def _result(
     )
 
 
-def nothing_found(
-    problem: PlanningProblem, context: PlanningContext, clock: Clock, *, proven: bool
-) -> PlanResult:
-    """Answer where there is no path, or none was found in time."""
-    status = PlanStatus.NO_PATH
-    said = f"Start and goal are not connected for a robot of radius {problem.radius:g} m."
-    if not proven and clock.is_over():
-        status = PlanStatus.TIMEOUT
-        said = f"The deadline of {problem.deadline:g} s came before any path was found; allow more time."
-    elif not proven:
-        said += (
-            f" This holds on cells of {context.field.frame.resolution:g} m; a passage that leaves less than "
-            "half a cell on both sides of the robot may be missed."
-        )
-    return PlanResult(status, None, None, None, "grid_search", warnings=(said,), stats=clock.stats)
-
-
 def warm_up() -> None:
     """Compile or load the kernels and solvers of every stage, by small plans in a made-up room."""
     context = example_context()
@@ -414,3 +397,5 @@ def warm_up() -> None:
             report=lambda _: None,
         )
     belief_plan.warm_up(context)
+    across = shapely.box(2.9, -1.0, 3.1, 9.0)
+    plan(PlanningProblem((1.0, 1.0), (5.0, 5.0), 0.2, avoid=(across,), deadline=30.0), context)

@@ -5,18 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from localization import covariance as cov
 from localization.heading_field import HeadingField
 from maps.arrays import FloatArray, frozen
+from planner.clock import Stopped
 from planner.context import PlanningContext
 from planner.cost_space import CostSpace
 from planner.extras import cells_near, judged_covariance
 from planner.footprint import Footprint
 from planner.grid_search import Bounds
 from planner.problem import PlanningProblem, blind_rate_of
-from planner.risk import cell_probabilities
+from planner.risk import Stop, cell_probabilities
 
 #: Headings of the lattice of poses.
 N_HEADINGS = 16
@@ -74,7 +74,7 @@ class PoseRates:
         self._values: dict[str, FloatArray] = {}
 
     def under(
-        self, limits: Limits, *, margin: float, is_careful: bool, stop: npt.NDArray[np.uint8]
+        self, limits: Limits, *, margin: float, is_careful: bool, stop: Stop
     ) -> tuple[CostSpace, FloatArray] | None:
         """Cost space of the best heading of each cell, and rates (H, ny, nx) at H even headings from 0.
 
@@ -94,10 +94,13 @@ class PoseRates:
         space, rates
             inf: forbidden. One heading where none matters. None when it was stopped.
         """
-        if self.headings is None:
-            space, rates = self._plain(limits)
-        else:
-            space, rates = self._over_headings(limits, is_careful=is_careful)
+        try:
+            if self.headings is None:
+                space, rates = self._plain(limits, stop)
+            else:
+                space, rates = self._over_headings(limits, stop, is_careful=is_careful)
+        except Stopped:
+            return None
         if self.footprint is None:
             return space, rates
         count = max(len(rates), N_HEADINGS)
@@ -110,18 +113,22 @@ class PoseRates:
             fits = fits & ~cells_near(space.frame, polygon, reach)
         return space, np.where(fits, rates if len(rates) == count else rates[:1], np.inf)
 
-    def values(self, name: str, *, is_careful: bool = False) -> FloatArray:
+    def _between(self, name: str, stop: Stop, *, is_careful: bool) -> FloatArray:
         """Shape (H, ny, nx): what a bound is compared with; NaN where it says nothing. Two per bin."""
-        assert self.headings is not None
         if name not in self._values:
-            self._values[name] = self._of_slices(name)
+            self._values[name] = self._of_slices(name, stop)
         return between_bins(self._values[name], is_careful=is_careful)
 
-    def _plain(self, limits: Limits) -> tuple[CostSpace, FloatArray]:
+    def _plain(self, limits: Limits, stop: Stop) -> tuple[CostSpace, FloatArray]:
         p, bounds = self.problem, limits.bounds
         extras = replace(
             p.extras, max_ellipse95=bounds.max_ellipse95_m, max_probability=bounds.max_collision_probability
         )
+        if extras.max_probability is not None:
+            # The one step that may take long, done in time or not at all; the graph then finds it at hand.
+            self.context.risky(
+                extras.max_probability, radius=self.radius, blind_r95=extras.blind_r95, stop=stop
+            )
         space = self.context.graph(
             radius=self.radius,
             weight=p.effective_weight,
@@ -131,16 +138,17 @@ class PoseRates:
         ).cost_space
         return space, space.rate[None]
 
-    def _over_headings(self, limits: Limits, *, is_careful: bool) -> tuple[CostSpace, FloatArray]:
+    def _over_headings(self, limits: Limits, stop: Stop, *, is_careful: bool) -> tuple[CostSpace, FloatArray]:
         weight = self.problem.effective_weight
         loose = self.problem.extras.without_bounds()
         free = self.context.graph(radius=self.radius, weight=0.0, blind_rate=1.0, extras=loose).cost_space
-        rates = 1.0 + weight * self.values("max_r95_m", is_careful=is_careful)
+        rates = 1.0 + weight * self._between("max_r95_m", stop, is_careful=is_careful)
         blind = limits.blind_rate(self.problem)
         rates[np.isnan(rates)] = np.inf if blind is None else blind
         for name in limits.bounds.given():
             with np.errstate(invalid="ignore"):
-                rates[self.values(name, is_careful=is_careful) > getattr(limits.bounds, name)] = np.inf
+                values = self._between(name, stop, is_careful=is_careful)
+                rates[values > getattr(limits.bounds, name)] = np.inf
         open_ = np.isfinite(free.rate)
         rates[:, ~open_] = np.inf
         rates *= np.where(open_, free.rate, 1.0)
@@ -149,21 +157,22 @@ class PoseRates:
             rates
         )
 
-    def _of_slices(self, name: str) -> FloatArray:
+    def _of_slices(self, name: str, stop: Stop) -> FloatArray:
         assert self.headings is not None
         if name == "max_r95_m":
             return np.array([one.r95 for one in self.headings.slices])
         if name == "max_ellipse95_m":
             return np.array([cov.ellipse95(one.covariance)[..., 0] for one in self.headings.slices])
-        context, centres = self.context, self.headings.frame.centres()
+        context = self.context
         return np.array(
             [
                 cell_probabilities(
                     context.clearance,
-                    centres,
+                    context.field.frame,
                     context.centre_clearance,
                     judged_covariance(one, self.problem.blind_r95),
                     radius=self.radius,
+                    stop=stop,
                 )
                 for one in self.headings.slices
             ]

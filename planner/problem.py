@@ -206,6 +206,19 @@ class PlanningProblem:
         return ends or self.kinematics != "holonomic" or self.footprint is not None
 
     @property
+    def inner_radius(self) -> float:
+        """Clearance without which the robot fits nowhere, m: its radius, or what its outline has inside."""
+        return self.radius if self.footprint is None else Footprint.of(self.footprint).inscribed_radius
+
+    @property
+    def robot_in_words(self) -> str:
+        """The robot that is asked for, as messages name it."""
+        if self.footprint is None:
+            return f"a robot of radius {self.radius:g} m"
+        (x0, y0), (x1, y1) = np.min(self.footprint, axis=0), np.max(self.footprint, axis=0)
+        return f"a robot with an outline of {x1 - x0:g} m × {y1 - y0:g} m"
+
+    @property
     def faces_its_way(self) -> bool:
         """Whether it is a disc that can turn in place."""
         return self.kinematics in {"holonomic", "differential"} and self.footprint is None

@@ -19,6 +19,7 @@ from planner.context import PlanningContext
 from planner.cost_to_go import Place
 from planner.ends import check_ends
 from planner.errors import InvalidProblem
+from planner.place_reason import bounds_broken_at
 from planner.travel import Travel
 
 Measure = Literal["cost", "length", "time"]
@@ -45,6 +46,8 @@ class Region:
         Of the cells, m².
     is_complete
         False when the deadline or a stop came first: the region is a part of the true one.
+    warnings
+        Why nothing is within reach, where the place itself is the reason.
     """
 
     place: Place
@@ -54,6 +57,7 @@ class Region:
     polygons: tuple[Polygon, ...]
     area: float
     is_complete: bool
+    warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cells", frozen(self.cells, np.bool_))
@@ -122,7 +126,12 @@ def reachable_region(
     frame = context.field.frame
     polygons = polygons_of_cells(cells, frame)
     area = float(np.count_nonzero(cells)) * frame.resolution**2
-    return Region(problem.start, measure, limit, cells, polygons, area, found.is_complete)
+    warnings: tuple[str, ...] = ()
+    if not polygons and found.is_complete:
+        x, y = problem.start
+        broken = bounds_broken_at(problem.start, problem, context)
+        warnings = tuple(f"No way can begin at ({x:g}, {y:g}) m itself: {reason}." for reason in broken)
+    return Region(problem.start, measure, limit, cells, polygons, area, found.is_complete, warnings)
 
 
 def polygons_of_cells(cells: BoolArray, frame: GridFrame) -> tuple[Polygon, ...]:

@@ -176,6 +176,34 @@ class Unmet:
     message: str
 
 
+@dataclass(frozen=True, slots=True)
+class Blockage:
+    """What keeps a robot from the goal: the narrowest place of the widest way.
+
+    Attributes
+    ----------
+    place
+        (x, y) in W, m: midway between its sides; where every way is closed, where that is thinnest.
+    radius
+        What the robot needs on both sides, m: its radius, or that of the largest disc in its outline.
+    largest_radius
+        No disc that is larger passes, m; 0 where every way is closed.
+    between
+        What is on its two sides: 0 a wall, or the number, from 1, of an area to avoid.
+    areas
+        Numbers of the areas to avoid that block the way; empty when none does.
+    radius_without_areas
+        The same as ``largest_radius`` without these areas, m; None without areas, or when it is not known.
+    """
+
+    place: tuple[float, float]
+    radius: float
+    largest_radius: float
+    between: tuple[int, int]
+    areas: tuple[int, ...] = ()
+    radius_without_areas: float | None = None
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanResult:
     """Answer to a :class:`~planner.problem.PlanningProblem`.
@@ -196,6 +224,8 @@ class PlanResult:
         Which stages shaped the route, e.g. ``grid_search+ompl+casadi``.
     unmet, warnings
         What was not reached, and what the caller should know.
+    blocked
+        Where there is no path: what blocks the way, if it is known.
     """
 
     status: PlanStatus
@@ -206,6 +236,7 @@ class PlanResult:
     unmet: tuple[Unmet, ...] = ()
     warnings: tuple[str, ...] = ()
     stats: dict[str, float] = field(default_factory=dict)
+    blocked: Blockage | None = None
 
     @property
     def gap(self) -> float | None:

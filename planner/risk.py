@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -13,13 +14,19 @@ import numpy.typing as npt
 
 from maps.arrays import BoolArray, FloatArray, frozen
 from maps.clearance import TOUCH_M, ClearanceIndex
+from maps.grid import GridFrame
+from planner.clock import Stopped
 from planner.errors import InvalidProblem
 from planner.kernels.risk import bounds_at, likely, too_risky
 
 #: Sectors of the direction-aware bound where it is reported, and where cells are sorted out.
 REPORTED_SECTORS = 128
 _MASK_SECTORS = 64
-_ROWS_PER_TASK = 4096
+_ROWS_PER_TASK = 1024
+# Rounding must not take a cell for far.
+_SURELY = 1.0 + 1e-9
+
+Stop = npt.NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,12 +86,14 @@ def collision_risk(
 
 def risky_cells(
     clearance: ClearanceIndex,
-    centres: FloatArray,
+    frame: GridFrame,
     centre_clearance: FloatArray,
     covariances: FloatArray,
     *,
     radius: float,
     limit: float,
+    among: BoolArray | None = None,
+    stop: Stop | None = None,
     threads: int | None = None,
 ) -> BoolArray:
     """Cells at whose centre the collision probability may exceed a limit.
@@ -93,8 +102,8 @@ def risky_cells(
     ----------
     clearance
         Of the floor.
-    centres
-        Shape (ny, nx, 2), W, m.
+    frame
+        Of the cells.
     centre_clearance
         Shape (ny, nx): clearance of the centres, m; 0 where they are not free.
     covariances
@@ -103,6 +112,10 @@ def risky_cells(
         Of the robot's disc, m.
     limit
         Probability per pose.
+    among
+        Shape (ny, nx): cells to judge, the others are False; None: all.
+    stop
+        Shape (1,); another thread sets it to end early.
     threads
         Default: one per core. The result does not depend on it.
 
@@ -110,26 +123,38 @@ def risky_cells(
     ------
     InvalidProblem
         If the limit is not between 0 and 1.
+    Stopped
+        If the flag was set before the end.
     """
     if not 0 < limit < 1:
         raise InvalidProblem(f"The collision probability is limited to {limit}; it must be between 0 and 1.")
+    need = max(radius, TOUCH_M)
+    variance = covariances[..., 0] + covariances[..., 2]
+    judged = (centre_clearance > 0) & ~np.isnan(variance)
+    if among is not None:
+        judged &= among
+    # The trace is above the largest variance: with this much room the coarse bound is below the limit.
+    with np.errstate(invalid="ignore"):
+        far = (centre_clearance - need) ** 2 > -2.0 * math.log(limit) * _SURELY * variance
+    near = centre_clearance <= need
+    out = judged & near
 
     def judge(points: FloatArray, known: FloatArray, c: FloatArray, out: BoolArray) -> None:
-        need = max(radius, TOUCH_M)
         too_risky(points, known, c, need, limit, _MASK_SECTORS, out, *clearance.arrays)
 
-    out = np.zeros(centre_clearance.shape, dtype=np.bool_)
-    _over_free_cells(judge, centres, centre_clearance, covariances, out, threads)
+    _over_cells(judge, judged & ~near & ~far, frame, centre_clearance, covariances, out, stop, threads)
     return out
 
 
 def cell_probabilities(
     clearance: ClearanceIndex,
-    centres: FloatArray,
+    frame: GridFrame,
     centre_clearance: FloatArray,
     covariances: FloatArray,
     *,
     radius: float,
+    among: BoolArray | None = None,
+    stop: Stop | None = None,
     threads: int | None = None,
 ) -> FloatArray:
     """Shape (ny, nx): bound on the collision probability at the centre of each free cell; else NaN.
@@ -141,28 +166,44 @@ def cell_probabilities(
         likely(points, known, c, max(radius, TOUCH_M), _MASK_SECTORS, out, *clearance.arrays)
 
     out = np.full(centre_clearance.shape, np.nan)
-    _over_free_cells(judge, centres, centre_clearance, covariances, out, threads)
+    free = centre_clearance > 0
+    _over_cells(
+        judge,
+        free if among is None else free & among,
+        frame,
+        centre_clearance,
+        covariances,
+        out,
+        stop,
+        threads,
+    )
     return out
 
 
-def _over_free_cells(
+def _over_cells(
     judge: Callable[..., None],
-    centres: FloatArray,
+    cells: BoolArray,
+    frame: GridFrame,
     centre_clearance: FloatArray,
     covariances: FloatArray,
     out: npt.NDArray[Any],
+    stop: Stop | None,
     threads: int | None,
 ) -> None:
-    free = np.flatnonzero(centre_clearance.ravel() > 0)
-    points = np.ascontiguousarray(centres.reshape(-1, 2)[free])
-    known = np.ascontiguousarray(centre_clearance.ravel()[free])
-    c = np.ascontiguousarray(covariances.reshape(-1, 3)[free])
-    found = np.empty(len(free), dtype=out.dtype)
+    """Fill ``out`` at some cells, in several threads."""
+    index = np.flatnonzero(cells)
+    points = frame.to_world(np.stack([index % frame.n_cols, index // frame.n_cols], axis=-1) + 0.5)
+    known = np.ascontiguousarray(centre_clearance.ravel()[index])
+    c = np.ascontiguousarray(covariances.reshape(-1, 3)[index])
+    found = np.empty(len(index), dtype=out.dtype)
 
     def work(first: int) -> None:
-        at = slice(first, first + _ROWS_PER_TASK)
-        judge(points[at], known[at], c[at], found[at])
+        if stop is None or stop[0] == 0:
+            at = slice(first, first + _ROWS_PER_TASK)
+            judge(points[at], known[at], c[at], found[at])
 
     with ThreadPoolExecutor(max(1, threads or os.cpu_count() or 1)) as pool:
-        list(pool.map(work, range(0, len(free), _ROWS_PER_TASK)))
-    out.ravel()[free] = found
+        list(pool.map(work, range(0, len(index), _ROWS_PER_TASK)))
+    if stop is not None and stop[0] != 0:
+        raise Stopped
+    out.ravel()[index] = found

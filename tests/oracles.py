@@ -1242,3 +1242,24 @@ def ends_of_lines(points, limit, means, is_valid, window=400, patience=8, more=1
                 break
         kept.append(best)
     return kept
+
+
+# --- widest ways ---
+
+
+def widest_on_cells(values, start, goal):
+    """Largest least value of an 8-connected way between two cells (row, col): every threshold is tried."""
+    for least in sorted(set(values.ravel().tolist()), reverse=True):
+        if values[start] < least or values[goal] < least:
+            continue
+        reached, todo = {start}, [start]
+        while todo:
+            row, col = todo.pop()
+            for r, c in itertools.product((row - 1, row, row + 1), (col - 1, col, col + 1)):
+                inside = 0 <= r < values.shape[0] and 0 <= c < values.shape[1]
+                if inside and (r, c) not in reached and values[r, c] >= least:
+                    reached.add((r, c))
+                    todo.append((r, c))
+        if goal in reached:
+            return least
+    return -math.inf

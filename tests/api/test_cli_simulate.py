@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from api.cli import main
-from api.cli_simulate import odometry_of
+from api.cli_options import odometry_of
 from api.codec import DocumentError
 from api.codec_simulation import radius_of_answer, trajectory_of_answer
 from localization.field_builder import build_field, build_heading_field

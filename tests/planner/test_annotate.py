@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import groupby
 
 import numpy as np
 import pytest
 
 from localization.covariance import CHI2_95
 from localization.sensors import MAS97_CAMERA
-from planner.annotate import SPACING_M, annotate
+from planner.annotate import SPACING_M, annotate, longest_run
 from planner.context import PlanningContext
 from planner.timing import time_polyline
 from tests.fields import synthetic_field
@@ -104,3 +105,11 @@ def test_pan_is_told_from_the_direction_of_travel():
     camera = replace(base, sensor=MAS97_CAMERA, pan=pan)
     r, _ = route([[1.0, 1.25], [1.0, 2.0]], PlanningContext(camera))
     np.testing.assert_allclose(r.path.pan, 1.0 - math.pi / 2)
+
+
+def test_the_longest_stretch_without_a_fix(rng):
+    for _ in range(50):
+        lengths, blind = rng.random(12), rng.random(12) < 0.6
+        pairs = groupby(zip(blind, lengths, strict=True), lambda pair: pair[0])
+        runs = [sum(length for _, length in run) for is_blind, run in pairs if is_blind]
+        assert longest_run(blind, lengths) == pytest.approx(max(runs, default=0.0))

@@ -13,8 +13,9 @@ from maps.clearance import ClearanceIndex
 from maps.floor_plan import FloorPlan
 from maps.landmarks import LandmarkSet
 from maps.world import World
+from planner.clock import Stopped
 from planner.errors import InvalidProblem
-from planner.kernels.risk import isotropic_bound, principal_axes
+from planner.kernels.risk import exceeds, isotropic_bound, principal_axes, sector_bound, sector_table
 from planner.risk import cell_probabilities, collision_risk, risky_cells
 from tests.worlds import world_from_ascii
 
@@ -110,8 +111,8 @@ def test_cells_are_sorted_out_as_reported(rng, limit):
     for at in np.ndindex(frame.shape):
         covariances[at] = covariance(*sorted(rng.uniform(0.01, 0.2, 2))[::-1], rng.uniform(-1.5, 1.5))
     covariances[3, 3] = np.nan
-    risky = risky_cells(index, centres, clearance, covariances, radius=0.2, limit=limit)
-    one = risky_cells(index, centres, clearance, covariances, radius=0.2, limit=limit, threads=1)
+    risky = risky_cells(index, frame, clearance, covariances, radius=0.2, limit=limit)
+    one = risky_cells(index, frame, clearance, covariances, radius=0.2, limit=limit, threads=1)
     np.testing.assert_array_equal(risky, one)
     free = clearance > 0
     risk = collision_risk(index, centres[free], covariances[free], 0.2)
@@ -120,9 +121,48 @@ def test_cells_are_sorted_out_as_reported(rng, limit):
     assert risky[free].sum() >= np.count_nonzero(risk.tight > limit)
     assert (risk.tight[risky[free]] > 0.6 * limit).all()
     assert not risky[3, 3]
-    probability = cell_probabilities(index, centres, clearance, covariances, radius=0.2)
+    probability = cell_probabilities(index, frame, clearance, covariances, radius=0.2)
     np.testing.assert_array_equal(np.nan_to_num(probability) > limit, risky)
     np.testing.assert_array_equal(np.isnan(probability), ~free | np.isnan(covariances[..., 0]))
     for wrong in (0.0, 1.0, math.nan):
         with pytest.raises(InvalidProblem, match="between 0 and 1"):
-            risky_cells(index, centres, clearance, covariances, radius=0.2, limit=wrong)
+            risky_cells(index, frame, clearance, covariances, radius=0.2, limit=wrong)
+
+
+def test_some_cells_alone_and_stopped(rng):
+    world = world_from_ascii(ROOM, resolution=0.5)
+    index = ClearanceIndex.from_world(world)
+    frame = world.grid_frame(0.1)
+    clearance = np.asarray(index.at_centres(frame))
+    covariances = np.tile(covariance(0.15, 0.05, 0.4), (*frame.shape, 1))
+    options = {"radius": 0.15, "limit": 0.02}
+    every = risky_cells(index, frame, clearance, covariances, **options)
+    some = rng.random(frame.shape) < 0.5
+    found = risky_cells(index, frame, clearance, covariances, among=some, **options)
+    np.testing.assert_array_equal(found, every & some)
+    assert 0.1 < every[clearance > 0].mean() < 0.95
+    values = cell_probabilities(index, frame, clearance, covariances, radius=0.15, among=some)
+    np.testing.assert_array_equal(np.isfinite(values), some & (clearance > 0))
+    for judge in (risky_cells, cell_probabilities):
+        asked = options if judge is risky_cells else {"radius": 0.15}
+        with pytest.raises(Stopped):
+            judge(index, frame, clearance, covariances, stop=np.ones(1, dtype=np.uint8), **asked)
+
+
+def test_far_cells_are_decided_as_by_the_sectors(rng):
+    """The decision with few sectors is that of all of them."""
+    world = world_from_ascii(ROOM, resolution=0.5)
+    index = ClearanceIndex.from_world(world)
+    args = index.arrays
+    table = sector_table(64)
+    shares = np.empty(64)
+    above = 0
+    for _ in range(400):
+        x, y = rng.uniform([0.5, 0.5], [4.0, 3.0])
+        here = float(index.distance([[x, y]])[0])
+        c = covariance(*sorted(10 ** rng.uniform(-2.5, 0, 2))[::-1], rng.uniform(-1.5, 1.5))
+        p = sector_bound(x, y, here, *c, 0.1, table, *args)
+        for limit in (1e-4, 0.01, 0.3):
+            assert exceeds(x, y, here, *c, 0.1, table, limit, shares, *args) == (p > limit)
+        above += p > 0.01
+    assert 50 < above < 380
