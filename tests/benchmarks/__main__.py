@@ -26,6 +26,7 @@ SECTIONS = {
     "scaling": "bench_scaling",
     "search": "bench_search",
     "plan": "bench_planner",
+    "smoothing": "bench_smoothing",
     "ompl": "bench_ompl",
     "labels": "bench_labels",
     "matrix": "bench_matrix",
