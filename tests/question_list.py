@@ -198,8 +198,8 @@ QUESTIONS = (
                 "--max-r95 0.3 --deadline 10"
             ),
         ),
-        "Both ways drive about {blind:.0f} m without a fix. On the direct one (orange) that is a single stretch at whose end the "
-        "belief exceeds the bound; the blue one fetches fixes between its blind stretches and arrives from the other side.",
+        "The direct way (orange) has no fix for one long stretch at whose end the belief exceeds the bound; the blue one, {blind:.0f} m "
+        "of it without a fix, fetches fixes between its blind stretches and arrives from the other side.",
     ),
     Question(
         "alternatives",
