@@ -4,7 +4,8 @@ import { $, svg } from "./dom.js";
 import { significant, ticks } from "./format.js";
 import { listen, state } from "./state.js";
 
-const HEIGHT = 190;
+const LEFT = 12;
+const WIDTH = 250;
 const STRIPES = 64;
 
 export function startBar() {
@@ -21,21 +22,26 @@ function paint() {
   const table = facts.colormaps[colormap];
   const parts = [];
   for (let k = 0; k < STRIPES; k += 1) {
-    const index = Math.round((255 * (STRIPES - 1 - k)) / (STRIPES - 1));
+    const index = Math.round((255 * k) / (STRIPES - 1));
     const fill = `#${table.slice(6 * index, 6 * index + 6)}`;
-    const y = 8 + (HEIGHT * k) / STRIPES;
-    parts.push(svg("rect", { x: 0, y, width: 16, height: HEIGHT / STRIPES + 0.6, fill }));
+    parts.push(svg("rect", { x: LEFT + (WIDTH * k) / STRIPES, y: 2, width: WIDTH / STRIPES + 0.6, height: 13, fill }));
   }
   for (const value of ticks(low, high, scale)) {
     const t = scale === "log" ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low);
-    const y = 8 + HEIGHT * (1 - t);
-    parts.push(svg("line", { x1: 16, x2: 21, y1: y, y2: y, class: "axis" }));
-    const text = svg("text", { x: 25, y: y + 4, class: "tick" });
-    text.textContent = significant(value, 2).replace(/(\.\d*?)0+$/, "$1").replace(/\.$/, "");
+    const x = LEFT + WIDTH * t;
+    parts.push(svg("line", { x1: x, x2: x, y1: 15, y2: 19, class: "axis" }));
+    const text = svg("text", { x, y: 30, class: "tick", "text-anchor": "middle" });
+    text.textContent = plain(value);
     parts.push(text);
   }
   $("bar-title").textContent = unit ? `${name} [${unit}]` : name;
   $("bar-title").title = meaning;
   $("bar-ramp").replaceChildren(...parts);
   $("bar-ramp").setAttribute("aria-label", `Colours: ${meaning}, from ${significant(low)} to ${significant(high)} ${unit}`);
+}
+
+// 0.0030 is 0.003 on an axis.
+function plain(value) {
+  const text = significant(value, 2);
+  return text.includes("⁻") || !text.includes(".") ? text : text.replace(/\.?0+$/, "");
 }

@@ -10,6 +10,7 @@ const PLACE = "#c8008c";
 const ENLARGEMENTS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
 const CLEAR_PX = 13; // semi-axis at which an ellipse is seen well
 const SPACING_PX = 34; // between ellipses along a route
+const MOST_PX = 46; // of a drawn semi-axis: larger ones would cover the map, and are drawn smaller and dashed
 const NAMES_FROM_PX = 26; // per landmark and side, on the average: closer, names would cover each other
 
 export function landmarks(context, view, marks, selected, used) {
@@ -38,17 +39,23 @@ export function enlargement(axes, scale) {
   return ENLARGEMENTS.find((factor) => typical * factor * scale >= CLEAR_PX) ?? ENLARGEMENTS.at(-1);
 }
 
-export function ellipse(context, view, p, shape, factor, color, filled = true) {
+// True where the ellipse is larger than it is drawn.
+export function ellipse(context, view, p, shape, factor, color) {
   const [x, y] = view.toScreen(p);
+  const most = view.scale * shape.a_m <= MOST_PX ? MOST_PX : Infinity; // large without help: as it is
+  const scale = Math.min(factor * view.scale, most / shape.a_m);
+  const isCut = scale < factor * view.scale * 0.999;
+  context.save();
   context.beginPath();
-  context.ellipse(x, y, shape.a_m * factor * view.scale, shape.b_m * factor * view.scale, -shape.theta_rad, 0, 2 * Math.PI);
-  if (filled) {
-    context.fillStyle = `${color}2e`;
-    context.fill();
-  }
+  context.ellipse(x, y, shape.a_m * scale, shape.b_m * scale, -shape.theta_rad, 0, 2 * Math.PI);
+  context.fillStyle = `${color}2e`;
+  context.fill();
+  if (isCut) context.setLineDash([3, 3]);
   context.strokeStyle = color;
   context.lineWidth = 1.5;
   context.stroke();
+  context.restore();
+  return isCut;
 }
 
 // A place that was asked for: its ellipse, the triplet's sight lines, a camera's view, the circle of danger.
@@ -70,9 +77,10 @@ export function point(context, view, { place, answer, triplet, marks, field, fac
     line(context, ...ends, PLACE, 1.8);
   }
   if (answer?.valid === false && at.length === 3) danger(context, view, at);
-  if (ellipse95) ellipse(context, view, place, ellipse95, factor, PLACE);
+  const isCut = Boolean(ellipse95) && ellipse(context, view, place, ellipse95, factor, PLACE);
   const [x, y] = view.toScreen(place);
   disc(context, x, y, 3, PLACE);
+  return isCut;
 }
 
 function mounted(place, heading, mount) {
@@ -113,11 +121,12 @@ function danger(context, view, [a, b, c]) {
 export function route(context, view, found, color, factor, isDashed) {
   const points = found.path.map((p) => view.toScreen({ x: p.x_m, y: p.y_m }));
   let last = null;
+  let isCut = false;
   found.path.forEach((p, k) => {
     const [x, y] = points[k];
     if (!p.ellipse95 || (last && Math.hypot(x - last[0], y - last[1]) < SPACING_PX)) return;
     last = [x, y];
-    ellipse(context, view, { x: p.x_m, y: p.y_m }, p.ellipse95, factor, color);
+    isCut = ellipse(context, view, { x: p.x_m, y: p.y_m }, p.ellipse95, factor, color) || isCut;
   });
   context.save();
   context.lineJoin = "round";
@@ -126,6 +135,7 @@ export function route(context, view, found, color, factor, isDashed) {
   if (isDashed) context.setLineDash([9, 6]);
   polyline(context, points, color, 3);
   context.restore();
+  return isCut;
 }
 
 // Where along a route: the pose at a length, between its points.

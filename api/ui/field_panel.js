@@ -1,7 +1,7 @@
 // Choose a field and how it is shown; build one and watch it.
 
 import { $, fillSelect, numberIn, say } from "./dom.js";
-import { degrees, significant } from "./format.js";
+import { degrees } from "./format.js";
 import { getJson, sendJson } from "./http.js";
 import { watch } from "./jobs.js";
 import { chooseRange } from "./map_view.js";
@@ -71,12 +71,14 @@ export async function loadFields() {
 
 function labelOf(field) {
   const { sensor } = field;
-  const range = sensor.max_range_m ? `${significant(sensor.max_range_m)} m` : "any range";
-  const ability = sensor.fov_rad ? `${degrees(sensor.fov_rad)} view` : `σ ${degrees(sensor.bearing_sigma_rad)}`;
+  const range = sensor.max_range_m ? `${short(sensor.max_range_m)} m` : "any range";
+  const ability = `${short(((sensor.fov_rad ?? sensor.bearing_sigma_rad) * 180) / Math.PI)}°`;
   const turned = field.heading_rad ? `, heading ${degrees(field.heading_rad)}` : "";
-  const state_ = field.status === "ready" ? "" : ` (${field.status})`;
-  return `${KINDS[sensor.kind]}, ${ability}, ${range}, cells ${significant(field.resolution_m)} m${turned}${state_}`;
+  const status = field.status === "ready" ? "" : ` (${field.status})`;
+  return `${KINDS[sensor.kind]} ${ability}, ${range}, cell ${short(field.resolution_m)} m${turned}${status}`;
 }
+
+const short = (value) => String(Number(value.toPrecision(3)));
 
 // The one that is wanted, else the newest that is ready; one that is being computed is watched.
 export async function chooseField(wanted) {

@@ -99,12 +99,14 @@ function paint() {
   const used = state.point ? (state.triplet?.triplet ?? state.point.triplet ?? []) : [];
   draw.landmarks(context, view, state.marks, state.mark, used);
   const factor = enlargementNow();
-  $("enlarged").textContent = factor > 1 ? `Ellipses drawn ${factor} × larger` : "";
-  const along = paintRoutes(context, factor);
+  const along = alongNow();
+  let isCut = paintRoutes(context, factor);
   if (state.place) {
     const { place, point, triplet, marks, field } = state;
-    draw.point(context, view, { place, answer: point, triplet, marks, field, factor });
+    isCut = draw.point(context, view, { place, answer: point, triplet, marks, field, factor }) || isCut;
   }
+  const larger = factor > 1 ? `Ellipses drawn ${factor} × larger` : "";
+  $("enlarged").textContent = isCut ? `${larger}, dashed ones less` : larger;
   if (state.start) draw.end(context, view, state.start, "S", "#1d7a3a");
   if (state.goal) draw.end(context, view, state.goal, "G", "#20242a");
   for (const place of state.trouble) draw.cross(context, view, place, "#be1428");
@@ -113,21 +115,26 @@ function paint() {
   draw.measure(context, view);
 }
 
-function paintRoutes(context, factor) {
-  const along = [];
+function routesShown() {
   const { plan, route } = state;
-  if (!plan) return along;
   const shown = [
-    [plan.shortest_baseline, draw.SHORTEST, true],
-    [plan.routes[route], draw.CHOSEN, false],
+    [plan?.shortest_baseline, draw.SHORTEST, true],
+    [plan?.routes[route], draw.CHOSEN, false],
   ];
-  for (const [found, color, isDashed] of shown) {
-    if (!found?.path?.length) continue;
-    draw.route(context, view, found, color, factor, isDashed);
-    const pose = state.along === null ? null : draw.poseAt(found.path, state.along);
-    if (pose) along.push(pose);
-  }
-  return along;
+  return shown.filter(([found]) => found?.path?.length);
+}
+
+function paintRoutes(context, factor) {
+  const cut = routesShown().map(([found, color, isDashed]) => draw.route(context, view, found, color, factor, isDashed));
+  return cut.some(Boolean);
+}
+
+// Where the pointer in the profile is, on every route that is shown.
+function alongNow() {
+  if (state.along === null) return [];
+  return routesShown()
+    .map(([found]) => draw.poseAt(found.path, state.along))
+    .filter(Boolean);
 }
 
 function enlargementNow() {

@@ -11,8 +11,8 @@ import { clearTrouble, showTrouble } from "./troubles.js";
 
 const CONTROLS = ["objective", "weight", "covariance", "max-r95", "max-risk", "max-blind", "radius", "speed", "deadline"];
 const WORDS = {
-  exact: "Every bound is kept, and no better path was found.",
-  approximate: "Every bound is kept; that no path is better is not proven.",
+  exact: "The best path for this objective.",
+  approximate: "A good path; that none is better is not proven.",
   risk_unmet: "No path keeps the bounds; this is the best effort.",
   timeout: "The time ran out.",
   no_path: "There is no path between start and goal for this robot.",
@@ -138,12 +138,18 @@ export async function plan() {
   }
 }
 
+function verdict(found) {
+  const isBound = Object.entries(found.request.constraints).some(([name, value]) => name.startsWith("max") && value !== null);
+  const isKept = isBound && ["exact", "approximate"].includes(found.status);
+  return `${WORDS[found.status]}${isKept ? " Every bound is kept." : ""}`;
+}
+
 function spoken(found) {
   const [route] = found.routes;
   const figures = route
     ? ` Length ${way(route.length_m)}, mean r95 ${metres(route.uncertainty.mean_r95_m)}, worst ${metres(route.uncertainty.max_r95_m)}.`
     : "";
-  return `${WORDS[found.status]}${figures}`;
+  return `${verdict(found)}${figures}`;
 }
 
 const FIGURES = [
@@ -151,17 +157,17 @@ const FIGURES = [
   ["Duration", (r) => seconds(r.duration_s)],
   ["Mean r95", (r) => metres(r.uncertainty.mean_r95_m)],
   ["Worst r95", (r) => metres(r.uncertainty.max_r95_m)],
-  ["Worst ellipse area", (r) => squareMetres(r.uncertainty.max_area95_m2)],
+  ["Worst area", (r) => squareMetres(r.uncertainty.max_area95_m2)],
   ["Without a fix", (r) => way(r.uncertainty.blind_m)],
   ["Least clearance", (r) => metres(r.min_clearance_m)],
-  ["Collision probability, worst pose", (r) => probability(r.risk.max_collision_probability)],
+  ["Worst collision probability", (r) => probability(r.risk.max_collision_probability)],
 ];
 
 function showFigures() {
   const { plan: found, route } = state;
   $("plan-empty").hidden = Boolean(found);
   $("figures").hidden = $("plan-files").hidden = !found?.routes.length;
-  $("verdict").textContent = found ? WORDS[found.status] : "";
+  $("verdict").textContent = found ? verdict(found) : "";
   $("verdict").className = found ? `verdict ${found.status}` : "verdict";
   const said = found ? [...found.unmet.map((u) => u.message), ...found.warnings] : [];
   $("plan-notes").replaceChildren(...said.map((text) => make("li", { textContent: text })));

@@ -1,6 +1,6 @@
 // A place that was asked for: values, best triplet, the others, and why it is bad.
 
-import { $, make, say } from "./dom.js";
+import { $, make, numberIn, say } from "./dom.js";
 import { degrees, inUnit, metres, percent, place as written, squareMetres } from "./format.js";
 import { getJson } from "./http.js";
 import { redraw } from "./map_view.js";
@@ -18,8 +18,9 @@ const address = (p, more = "") => `${state.field.links.point}?x_m=${p.x.toFixed(
 export function startPoint() {
   $("place-form").addEventListener("submit", (event) => {
     event.preventDefault();
-    const [x, y] = [$("place-x").valueAsNumber, $("place-y").valueAsNumber];
-    if (Number.isFinite(x) && Number.isFinite(y)) askAt({ x, y });
+    const [x, y] = [numberIn("place-x"), numberIn("place-y")];
+    if (x === null || y === null) say("Type x and y in metres.");
+    else askAt({ x, y });
   });
   $("place-clear").addEventListener("click", () => {
     set({ place: null, point: null, triplet: null });

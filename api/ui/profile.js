@@ -1,7 +1,7 @@
-// r95 along both routes, as a small chart of our own: two lines, gaps without a fix, the bound.
+// r95 along both routes, as a small chart of our own: two lines, gaps without a fix, the bound. Logarithmic where
+// the routes differ by more than a linear axis can show.
 
 import { $, svg } from "./dom.js";
-import { CHOSEN, SHORTEST } from "./draw.js";
 import { metres, significant, ticks } from "./format.js";
 import { set, state } from "./state.js";
 
@@ -9,6 +9,7 @@ const LEFT = 52;
 const RIGHT = 12;
 const TOP = 10;
 const BOTTOM = 30;
+const LOG_FROM = 8; // largest by smallest value
 let scaled = null; // {width, longest}: pointer to metres
 
 export function startProfile() {
@@ -32,8 +33,8 @@ export function startProfile() {
 function series() {
   const { plan, route } = state;
   return [
-    { path: plan?.shortest_baseline?.path, color: SHORTEST, name: "shortest", dashed: true },
-    { path: plan?.routes[route]?.path, color: CHOSEN, name: "low uncertainty", dashed: false },
+    { path: plan?.shortest_baseline?.path, kind: "shortest", name: "shortest" },
+    { path: plan?.routes[route]?.path, kind: "chosen", name: "low uncertainty" },
   ].filter(({ path }) => path?.length);
 }
 
@@ -46,19 +47,23 @@ export function showProfile() {
   const [width, height] = [chart.clientWidth || 600, chart.clientHeight || 130];
   const longest = Math.max(1e-9, ...lines.map(({ path }) => path.at(-1).s_m));
   const bound = state.plan.request.constraints.max_r95_m;
-  const values = lines.flatMap(({ path }) => path.map((p) => p.r95_m ?? 0));
-  const highest = 1.08 * Math.max(1e-9, ...values, bound !== null && bound < 3 * Math.max(...values) ? bound : 0);
+  const values = lines.flatMap(({ path }) => path.map((p) => p.r95_m).filter((v) => v > 0));
+  const [least, most] = values.length ? [Math.min(...values), Math.max(...values)] : [0.01, 0.1];
+  const scale = most > LOG_FROM * least ? "log" : "linear";
+  const highest = 1.08 * Math.max(most, bound !== null && bound < 3 * most ? bound : 0);
+  const lowest = scale === "log" ? least / 1.15 : 0;
   scaled = { width, longest };
   const x = (s) => LEFT + (s / longest) * (width - LEFT - RIGHT);
-  const y = (value) => height - BOTTOM - (value / highest) * (height - TOP - BOTTOM);
-  const parts = axes({ width, height, longest, highest, x, y });
-  if (bound !== null && bound <= highest) {
+  const share = (v) => (scale === "log" ? Math.log(v / lowest) / Math.log(highest / lowest) : v / highest);
+  const y = (value) => height - BOTTOM - share(value) * (height - TOP - BOTTOM);
+  const parts = axes({ width, height, longest, lowest, highest, scale, x, y });
+  if (bound !== null && bound <= highest && bound > lowest) {
     parts.push(svg("line", { x1: LEFT, x2: width - RIGHT, y1: y(bound), y2: y(bound), class: "bound" }));
     parts.push(text(width - RIGHT, y(bound) - 4, "bound", "end"));
   }
-  for (const { path, color, dashed } of lines) {
-    parts.push(svg("path", { d: curve(path, x, y), stroke: color, class: dashed ? "curve dashed" : "curve" }));
-    parts.push(...gaps(path, x, y, color));
+  for (const { path, kind } of lines) {
+    parts.push(svg("path", { d: curve(path, x, y), class: `curve ${kind}` }));
+    parts.push(...gaps(path, x, height - BOTTOM, kind));
   }
   parts.push(svg("line", { id: "profile-at", y1: TOP, y2: height - BOTTOM, class: "at", visibility: "hidden" }));
   chart.replaceChildren(...parts);
@@ -66,10 +71,10 @@ export function showProfile() {
   chart.setAttribute("aria-label", spoken(lines));
 }
 
-function axes({ width, height, longest, highest, x, y }) {
+function axes({ width, height, longest, lowest, highest, scale, x, y }) {
   const parts = [];
   const inMillimetres = highest < 1;
-  for (const value of ticks(0, highest, "linear")) {
+  for (const value of ticks(lowest, highest, scale)) {
     parts.push(svg("line", { x1: LEFT, x2: width - RIGHT, y1: y(value), y2: y(value), class: "grid" }));
     const shown = inMillimetres ? 1000 * value : value;
     parts.push(text(LEFT - 6, y(value) + 4, String(Number(shown.toPrecision(3))), "end"));
@@ -106,11 +111,11 @@ function curve(path, x, y) {
 }
 
 // Stretches without a fix, as thick bars on the axis.
-function gaps(path, x, y, color) {
+function gaps(path, x, y, kind) {
   const bars = [];
   for (let k = 1; k < path.length; k += 1) {
     if (path[k].r95_m !== null && path[k - 1].r95_m !== null) continue;
-    bars.push(svg("line", { x1: x(path[k - 1].s_m), x2: x(path[k].s_m), y1: y(0), y2: y(0), stroke: color, class: "gap" }));
+    bars.push(svg("line", { x1: x(path[k - 1].s_m), x2: x(path[k].s_m), y1: y, y2: y, class: `gap ${kind}` }));
   }
   return bars;
 }
