@@ -77,10 +77,9 @@ export function point(context, view, { place, answer, triplet, marks, field, fac
     line(context, ...ends, PLACE, 1.8);
   }
   if (answer?.valid === false && at.length === 3) danger(context, view, at);
-  const isCut = Boolean(ellipse95) && ellipse(context, view, place, ellipse95, factor, PLACE);
+  if (ellipse95) ellipse(context, view, place, ellipse95, factor, PLACE);
   const [x, y] = view.toScreen(place);
   disc(context, x, y, 3, PLACE);
-  return isCut;
 }
 
 function mounted(place, heading, mount) {

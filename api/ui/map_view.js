@@ -103,7 +103,9 @@ function paint() {
   let isCut = paintRoutes(context, factor);
   if (state.place) {
     const { place, point, triplet, marks, field } = state;
-    isCut = draw.point(context, view, { place, answer: point, triplet, marks, field, factor }) || isCut;
+    const own = enlargementOfPoint();
+    draw.point(context, view, { place, answer: point, triplet, marks, field, factor: own });
+    $("place-drawn").textContent = own > 1 && point ? `Its ellipse is drawn ${own} × larger.` : "";
   }
   const larger = factor > 1 ? `Ellipses drawn ${factor} × larger` : "";
   $("enlarged").textContent = isCut ? `${larger}, dashed ones less` : larger;
@@ -140,7 +142,11 @@ function alongNow() {
 function enlargementNow() {
   const path = state.plan?.routes[state.route]?.path ?? state.plan?.shortest_baseline?.path ?? [];
   const axes = path.filter((p) => p.ellipse95).map((p) => p.ellipse95.a_m);
-  const own = (state.triplet?.ellipse95 ?? state.point?.ellipse95)?.a_m;
-  if (!axes.length && own) axes.push(own);
   return draw.enlargement(axes, view.scale);
+}
+
+// Of its own: a place that is asked for may be far worse than any route.
+function enlargementOfPoint() {
+  const shape = state.triplet?.ellipse95 ?? state.point?.ellipse95;
+  return draw.enlargement(shape ? [shape.a_m] : [], view.scale);
 }

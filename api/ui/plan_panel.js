@@ -165,7 +165,7 @@ const FIGURES = [
 
 function showFigures() {
   const { plan: found, route } = state;
-  $("plan-empty").hidden = Boolean(found);
+  $("plan-empty").hidden = Boolean(found || (state.start && state.goal));
   $("figures").hidden = $("plan-files").hidden = !found?.routes.length;
   $("verdict").textContent = found ? verdict(found) : "";
   $("verdict").className = found ? `verdict ${found.status}` : "verdict";

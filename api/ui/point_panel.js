@@ -87,6 +87,7 @@ function wordsOf(reason) {
 function show() {
   const { point, place } = state;
   $("place-empty").hidden = Boolean(place);
+  $("place-drawn").hidden = !point?.ellipse95;
   $("place-words").textContent = point ? `${STATES[point.state]} at ${written(place)}.` : "";
   const reasons = [point?.reason, point?.reasons].flat().filter(Boolean).map(wordsOf);
   $("place-why").textContent = [...new Set(reasons)].join(" ");
