@@ -8,7 +8,7 @@ const LANDMARK = "#d62728";
 const INK = "#20242a";
 const PLACE = "#c8008c";
 const ENLARGEMENTS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
-const CLEAR_PX = 13; // semi-axis at which an ellipse is seen well
+const CLEAR_PX = 13; // semi-axis at which an ellipse along a route is seen well
 const SPACING_PX = 34; // between ellipses along a route
 const MOST_PX = 46; // of a drawn semi-axis: larger ones would cover the map, and are drawn smaller and dashed
 const NAMES_FROM_PX = 26; // per landmark and side, on the average: closer, names would cover each other
@@ -33,10 +33,10 @@ export function landmarks(context, view, marks, selected, used) {
 }
 
 // The ellipse may be smaller than a pixel: it is drawn larger by a round factor, which is said beside the map.
-export function enlargement(axes, scale) {
+export function enlargement(axes, scale, clear = CLEAR_PX) {
   const typical = axes.sort((a, b) => a - b)[Math.floor(axes.length / 2)];
   if (!typical) return 1;
-  return ENLARGEMENTS.find((factor) => typical * factor * scale >= CLEAR_PX) ?? ENLARGEMENTS.at(-1);
+  return ENLARGEMENTS.find((factor) => typical * factor * scale >= clear) ?? ENLARGEMENTS.at(-1);
 }
 
 // True where the ellipse is larger than it is drawn.

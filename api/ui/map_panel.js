@@ -87,5 +87,7 @@ async function upload() {
     ...stored.findings.map(({ severity, message }) => Object.assign(document.createElement("li"), { textContent: `${severity}: ${message}` })),
   );
   say(`Map ${stored.name} is stored, with ${stored.landmarks} landmarks. Build a field next.`);
+  $("upload-box").open = Boolean(stored.findings.length); // they stand in it
   $("build-box").open = true;
+  $("build-box").scrollIntoView();
 }

@@ -10,6 +10,7 @@ import { View } from "./view.js";
 
 export const view = new View();
 export const floor = new Floor();
+const POINT_PX = 24; // semi-axis of a single ellipse, at least
 let heat;
 let isAsked = false;
 let isTouched = false; // until somebody moves it, the map fits whatever size it has
@@ -148,5 +149,5 @@ function enlargementNow() {
 // Of its own: a place that is asked for may be far worse than any route.
 function enlargementOfPoint() {
   const shape = state.triplet?.ellipse95 ?? state.point?.ellipse95;
-  return draw.enlargement(shape ? [shape.a_m] : [], view.scale);
+  return draw.enlargement(shape ? [shape.a_m] : [], view.scale, POINT_PX);
 }
