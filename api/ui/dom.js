@@ -31,6 +31,20 @@ export function numberIn(id) {
   return text === "" || !Number.isFinite(value) ? null : value;
 }
 
+// A word on the map while something takes longer than people wait without one.
+const BUSY_MS = 350;
+let pending = 0;
+export async function busy(promise) {
+  pending += 1;
+  setTimeout(() => ($("busy").hidden = !pending), BUSY_MS);
+  try {
+    return await promise;
+  } finally {
+    pending -= 1;
+    if (!pending) $("busy").hidden = true;
+  }
+}
+
 export function say(text) {
   $("said").textContent = text;
 }

@@ -1,6 +1,7 @@
 // The field over the floor: pictures of what is in view, made by the service, so that the number of cells does
 // not matter here. The last picture stays, moved along, until the next one is there.
 
+import { busy } from "./dom.js";
 import { getPicture, query } from "./http.js";
 
 const MARGIN = 0.2; // more than is in view, so that small moves show no edge
@@ -52,12 +53,12 @@ export class Heat {
     this.asked = asked;
     try {
       if (this.overview?.base !== base) {
-        const picture = await getPicture(`${base}&max_size=700`, { signal: this.stop.signal });
+        const picture = await busy(getPicture(`${base}&max_size=700`, { signal: this.stop.signal }));
         this.overview = { base, picture, box: all };
         this.window = null;
         this.redraw();
       }
-      const picture = await getPicture(asked, { signal: this.stop.signal });
+      const picture = await busy(getPicture(asked, { signal: this.stop.signal }));
       this.window = { picture, box: exact };
       this.redraw();
     } catch (error) {
@@ -118,7 +119,7 @@ export async function suitableRange(field, metric, scale) {
   let found = null;
   for (let pass = 0; pass < 2; pass += 1) {
     const colours = { metric, scale: "log", colormap: "gray", range };
-    const picture = await getPicture(`${address(field, colours)}&max_size=400`);
+    const picture = await busy(getPicture(`${address(field, colours)}&max_size=400`));
     found = percentiles(levels(picture), range);
     if (!found) return [0.01, 1];
     range = [found[0] / 1.3, found[1] * 1.3];

@@ -160,6 +160,26 @@ def test_a_place_tells_its_ellipse_and_its_triplet(page, served):
     assert "needs three" in page.locator("#place-why").inner_text()
 
 
+def test_the_ranking_of_a_service_that_has_one_is_shown(page, served):
+    def ranked(route):
+        answer = route.fetch().json()
+        if answer["state"] == "fix":
+            other = {"triplet": ["A", "B", "D"], "area95_m2": 0.5, "pan_rad": None}
+            best = {**other, "triplet": answer["triplet"], "area95_m2": answer["metrics"]["area95_m2"]}
+            ellipse = {"a_m": 0.5, "b_m": 0.3, "theta_rad": 0.1}
+            answer["ranking"] = [{**best, "ellipse95": answer["ellipse95"]}, {**other, "ellipse95": ellipse}]
+            answer["reasons"] = ["The landmarks stand close to one line."]
+        route.fulfill(json=answer)
+
+    page.route("**/point?*", ranked)
+    load(page, served, "#place=1.25,3.25")
+    page.locator("#ranking").wait_for()
+    assert "one line" in page.locator("#place-why").inner_text()
+    page.locator("#ranking-rows").get_by_role("button").nth(1).click()
+    assert "A, B, D" in page.locator("#said").text_content()
+    assert page.locator("#ranking-rows button[aria-pressed=true]").inner_text() == "A, B, D"
+
+
 def test_the_link_brings_everything_back(page, served):
     fragment = (
         f"#map={served.map}&field={served.id}&metric=r95_m&colors=cividis&start=1,3&goal=7,3&plan=weight=9"
