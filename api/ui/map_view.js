@@ -26,7 +26,7 @@ export function startMap(acts, failed) {
   $("fit").addEventListener("click", fit);
   listen(["field", "range", "colormap"], () => {
     if (!state.field) heat.clear();
-    moved();
+    show();
   });
   listen(["marks", "mark", "cursor", "point", "place", "triplet", "start", "goal", "plan", "route", "along", "opacity", "trouble"], redraw);
   listen(["metric", "scale"], () => chooseRange().catch(failed));
@@ -48,14 +48,14 @@ function resize(canvas) {
   canvas.width = Math.round(view.width * density);
   canvas.height = Math.round(view.height * density);
   if (state.map && !isTouched) fit();
-  else moved();
+  else show();
   paint();
 }
 
 export function fit() {
   if (state.map) view.fit(state.map.bounds);
-  moved();
   isTouched = false;
+  show();
 }
 
 export function zoomBy(factor) {
@@ -68,9 +68,14 @@ export function lookAt({ x, y, scale }) {
   moved();
 }
 
-export function moved() {
+function moved() {
   isTouched = true;
-  set({ view: {} });
+  show();
+}
+
+// The view, or what it shows, is another: ask for what is in it.
+function show() {
+  set({ view: {} }); // for the permalink
   if (state.field && state.range && state.field.status === "ready") {
     const { metric, scale, colormap, range } = state;
     heat.show(state.field, { metric, scale, colormap, range }, view);

@@ -132,11 +132,12 @@ function follow(s) {
   const px = LEFT + (s / scaled.longest) * (scaled.width - LEFT - RIGHT);
   at.setAttribute("x1", px);
   at.setAttribute("x2", px);
-  const values = series().map(({ path, name }) => {
+  const values = series().map(({ path }) => {
     const p = path.find((q) => q.s_m >= s);
-    return `${name} ${p ? (p.r95_m === null ? "no fix" : metres(p.r95_m)) : "at the goal"}`;
+    return p ? (p.r95_m === null ? "no fix" : metres(p.r95_m)) : "at the goal";
   });
-  $("profile-words").textContent = `at ${significant(s)} m: ${values.reverse().join(", ")}`;
+  // In the order of the caption: chosen, shortest.
+  $("profile-words").textContent = `at ${significant(s)} m: ${values.reverse().join(" and ")}`;
 }
 
 function spoken(lines) {
