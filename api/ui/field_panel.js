@@ -91,7 +91,7 @@ export async function chooseField(wanted) {
   const isReady = found?.status === "ready";
   $("field-choice").value = found?.field ?? "";
   $("no-field").hidden = Boolean(found);
-  set({ field: isReady ? found : null, plan: null, place: null, point: null, triplet: null, trouble: [], range: null });
+  set({ field: isReady ? found : null, plan: null, point: null, triplet: null, trouble: [], range: null });
   if (isReady) await chooseRange();
   else if (found?.status === "running") follow(`/v1/jobs/${found.job}`, found.field);
   else if (found?.error) failed(Object.assign(new Error(found.error), { title: "This field failed" }));

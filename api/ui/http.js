@@ -55,6 +55,26 @@ export async function sendJson(method, path, value, headers = {}) {
 
 export const getPicture = async (path, options) => createImageBitmap(await (await ask(path, options)).blob());
 
+// A plain link sends no key; where one is needed, files are fetched with it and then handed over.
+export function sendKeyWithDownloads(links, failed) {
+  for (const link of links) {
+    link.addEventListener("click", async (event) => {
+      if (!sessionStorage.getItem(KEY) || link.href.startsWith("blob:")) return;
+      event.preventDefault();
+      const address = link.href;
+      try {
+        const content = URL.createObjectURL(await (await ask(address)).blob());
+        link.href = content;
+        link.click();
+        link.href = address;
+        URL.revokeObjectURL(content);
+      } catch (error) {
+        failed(error);
+      }
+    });
+  }
+}
+
 // Paths that the service has, by its own description: asking for one that it lacks would be an error in the
 // console, and a page must work with services older than itself.
 let described;

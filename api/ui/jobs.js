@@ -15,7 +15,7 @@ export async function watch(path) {
   const next = (await offers(EVENTS)) ? changes(path) : null;
   while (!ended(job) && mine === current) {
     show(job);
-    await (next ? Promise.race([next.changed(), pause(5 * EVERY_MS)]) : pause(EVERY_MS));
+    await (next?.isOpen() ? Promise.race([next.changed(), pause(5 * EVERY_MS)]) : pause(EVERY_MS));
     job = await getJson(path);
   }
   next?.close();
@@ -32,7 +32,11 @@ function changes(path) {
   let wake = () => {};
   for (const kind of ["progress", "tile", "done", "message"]) source.addEventListener(kind, () => wake());
   source.onerror = () => source.close(); // the slow way remains
-  return { changed: () => new Promise((resolve) => (wake = resolve)), close: () => source.close() };
+  return {
+    isOpen: () => source.readyState !== EventSource.CLOSED,
+    changed: () => new Promise((resolve) => (wake = resolve)),
+    close: () => source.close(),
+  };
 }
 
 function show(job) {

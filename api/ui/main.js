@@ -3,7 +3,7 @@
 import { startBar } from "./bar.js";
 import { $, say } from "./dom.js";
 import { startFields } from "./field_panel.js";
-import { getJson } from "./http.js";
+import { getJson, sendKeyWithDownloads } from "./http.js";
 import { keepLink, readLink } from "./link.js";
 import { chooseMap, loadMaps, preferredMap, startMaps } from "./map_panel.js";
 import { fit, lookAt, redraw, startMap } from "./map_view.js";
@@ -60,6 +60,7 @@ async function start() {
   setControls(wanted.controls);
   startMap(acts, (error) => showTrouble("field-trouble", error));
   for (const radio of document.querySelectorAll("input[name=tool]")) radio.addEventListener("change", () => set({ tool: radio.value }));
+  sendKeyWithDownloads(document.querySelectorAll("a[download]"), failed);
   listen(["tool"], showTool);
   showTool();
   await loadMaps();

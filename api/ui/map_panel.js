@@ -33,10 +33,11 @@ export const preferredMap = () => (state.maps.find((m) => m.name === PREFERRED) 
 export async function chooseMap(id, wanted = {}) {
   clearTrouble("map-trouble");
   const map = state.maps.find((m) => m.map === id) ?? (await getJson(`/v1/maps/${encodeURIComponent(id)}`));
-  const isSameFloor = Boolean(state.map) && map.parent === state.map.map;
+  // Another version of what is shown, by all appearances: places that were chosen still mean something.
+  const isSameFloor = Boolean(state.map) && map.name === state.map.name && same(map.bounds, state.map.bounds);
   await Promise.all([floor.load(map), readLandmarks(map)]);
-  const emptied = isSameFloor ? {} : { start: null, goal: null };
-  set({ map, field: null, plan: null, place: null, point: null, mark: null, trouble: [], ...emptied });
+  const emptied = isSameFloor ? {} : { start: null, goal: null, place: null };
+  set({ map, field: null, plan: null, point: null, triplet: null, mark: null, trouble: [], ...emptied });
   $("map-choice").value = map.map;
   if (!isSameFloor) fit();
   $("map-facts").textContent = facts(map);
@@ -44,6 +45,8 @@ export async function chooseMap(id, wanted = {}) {
   await chooseField(wanted.field);
   redraw();
 }
+
+const same = (a, b) => Object.keys(a).every((key) => a[key] === b[key]);
 
 // With the tag under which they were read: whoever changes them says what they change.
 async function readLandmarks(map) {

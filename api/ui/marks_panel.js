@@ -10,6 +10,7 @@ import { clearTrouble, showTrouble } from "./troubles.js";
 
 const REACH_PX = 14; // of a pointer to a landmark
 let isAdding = false;
+let listed = [null]; // names in the list; null: it was never filled
 
 export function startMarks() {
   $("mark-choice").addEventListener("change", () => set({ mark: $("mark-choice").value === "" ? null : Number($("mark-choice").value) }));
@@ -88,7 +89,13 @@ function fromForm() {
 
 function show() {
   const { marks, mark } = state;
-  fillSelect($("mark-choice"), [["", "none"], ...marks.map((m, k) => [String(k), m.id])], mark === null ? "" : String(mark));
+  const names = marks.map((m) => m.id);
+  if (names.some((name, k) => name !== listed[k]) || names.length !== listed.length) {
+    // Not at every step of a drag: there may be thousands.
+    fillSelect($("mark-choice"), [["", "none"], ...names.map((name, k) => [String(k), name])]);
+    listed = names;
+  }
+  $("mark-choice").value = mark === null ? "" : String(mark);
   const chosen = mark === null ? null : marks[mark];
   $("mark-form").disabled = !chosen;
   $("mark-id").value = chosen?.id ?? "";
@@ -103,11 +110,20 @@ async function save() {
   const { map, field } = state;
   const headers = state.marksTag ? { "If-Match": state.marksTag } : {};
   const stored = await sendJson("PUT", `/v1/maps/${map.map}/landmarks`, { landmarks: state.marks }, headers);
+  keepColours();
   await loadMaps();
   if (!state.maps.some((m) => m.map === stored.map)) set({ maps: [await getJson(`/v1/maps/${stored.map}`), ...state.maps] });
   await chooseMap(stored.map);
   say("The landmarks are kept as a new version of the map.");
   if (field && !state.field) await order(sameOrder(field, stored.map));
+}
+
+// The new field in the colours of the old one, so that the change is seen; emptying the boxes undoes it.
+function keepColours() {
+  if (!state.range) return;
+  const [low, high] = state.range;
+  [$("low").value, $("high").value] = state.range;
+  set({ low, high });
 }
 
 function inWords(error) {

@@ -19,6 +19,7 @@ const WORDS = {
 };
 const defaults = {};
 let asked = 0;
+let flying = null; // the question that is not answered yet
 
 export function startPlans() {
   for (const id of CONTROLS) {
@@ -44,6 +45,9 @@ export function startPlans() {
     showFigures();
   });
   listen(["start", "goal"], showEnds);
+  listen(["field"], () => {
+    if (state.field && state.start && state.goal) plan();
+  });
   listen(["plan"], () => {
     showFigures();
     showProfile();
@@ -113,12 +117,15 @@ export async function plan() {
     say("Choose a start and a goal.");
     return;
   }
-  const mine = ++asked;
   const body = question();
   if (!body.field) {
     delete body.field;
     body.map = state.map.map; // the service says what is missing, and what would help
   }
+  const text = JSON.stringify(body);
+  if (text === flying) return; // Enter in a box changes it and submits: one question
+  flying = text;
+  const mine = ++asked;
   $("plan-box").ariaBusy = "true";
   $("verdict").textContent = "Planning …";
   try {
@@ -134,7 +141,10 @@ export async function plan() {
     const use_place = (place) => setEnd(isGoal ? "goal" : "start", place);
     showTrouble("plan-trouble", error, { use_place, watch: (job) => watch(job), order });
   } finally {
-    if (mine === asked) $("plan-box").ariaBusy = "false";
+    if (mine === asked) {
+      flying = null;
+      $("plan-box").ariaBusy = "false";
+    }
   }
 }
 

@@ -4,7 +4,7 @@ import { $, make, numberIn, say } from "./dom.js";
 import { degrees, inUnit, metres, percent, place as written, squareMetres } from "./format.js";
 import { getJson } from "./http.js";
 import { redraw } from "./map_view.js";
-import { set, state } from "./state.js";
+import { listen, set, state } from "./state.js";
 import { clearTrouble, showTrouble } from "./troubles.js";
 
 const RANKED = 10;
@@ -22,9 +22,10 @@ export function startPoint() {
     if (x === null || y === null) say("Type x and y in metres.");
     else askAt({ x, y });
   });
-  $("place-clear").addEventListener("click", () => {
-    set({ place: null, point: null, triplet: null });
-    show();
+  $("place-clear").addEventListener("click", () => set({ place: null, point: null, triplet: null }));
+  listen(["place", "point"], show);
+  listen(["field"], () => {
+    if (state.field && state.place) askAt(state.place);
   });
 }
 
@@ -33,7 +34,6 @@ export async function askAt(place) {
   set({ place, point: null, triplet: null });
   $("place-x").value = place.x.toFixed(2);
   $("place-y").value = place.y.toFixed(2);
-  show();
   if (!state.field) {
     $("place-words").textContent = "Choose or build a field first: it holds the values.";
     return;
@@ -43,7 +43,6 @@ export async function askAt(place) {
     const point = await getJson(address(place, `&ranking=${RANKED}`));
     if (state.place !== place) return;
     set({ point });
-    show();
     say(summary(point));
   } catch (error) {
     showTrouble("place-trouble", error);

@@ -251,6 +251,48 @@ def test_landmarks_are_moved_and_an_older_service_says_that_it_cannot_keep_them(
     assert "cannot be changed here" in page.locator("#marks-trouble").inner_text()
 
 
+def test_changed_landmarks_are_a_new_version_with_a_field_of_its_own(page, served):
+    """The contract of PUT …/landmarks, played by an upload."""
+    sent = []
+
+    def stored(route):
+        if route.request.method != "PUT":
+            return route.continue_()
+        sent.append(route.request)
+        moved = {m["id"]: [m["x_m"], m["y_m"]] for m in route.request.post_data_json["landmarks"]}
+        walls = [f for f in ROOM["features"] if f["properties"]["kind"] != "landmark"]
+        marks = [
+            {
+                "type": "Feature",
+                "properties": {"kind": "landmark", "id": name},
+                "geometry": {"type": "Point", "coordinates": place},
+            }
+            for name, place in moved.items()
+        ]
+        answer = page.request.post(f"{served.base}/v1/maps", data={**ROOM, "features": walls + marks})
+        return route.fulfill(status=201, json=answer.json())
+
+    page.route("**/v1/maps/*/landmarks", stored)
+    load(page, served, f"#map={served.map}&field={served.id}&place=1.25,3.25&start=1,3&goal=7,3")
+    figures(page)
+    page.locator("summary", has_text="Landmarks").click()
+    page.select_option("#mark-choice", label="B")
+    page.fill("#mark-x", "7.5")
+    page.keyboard.press("Tab")
+    with page.expect_response(
+        lambda r: r.url.endswith("/v1/fields") and r.request.method == "POST"
+    ) as answered:
+        page.click("#marks-save")
+    assert sent[0].headers["if-match"].startswith('"')
+    page.wait_for_selector("#job", state="visible")
+    finish(SimpleNamespace(app=served.app), answered.value.json()["job"])
+    page.wait_for_selector("#job", state="hidden")
+    figures(page)
+    page.locator("#place-values").get_by_text("Best triplet").wait_for()
+    assert page.locator("#marks-save").is_disabled()
+    assert float(page.input_value("#high")) > 0
+
+
 def older(route):
     if route.request.method == "PUT":
         assert route.request.headers["if-match"].startswith('"')
