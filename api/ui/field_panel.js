@@ -22,9 +22,9 @@ export function startFields() {
     const metric = $("metric").value;
     $("scale").value = metrics[metric].scale;
     $("low").value = $("high").value = "";
-    set({ metric, scale: metrics[metric].scale, low: null, high: null });
+    set({ metric, scale: metrics[metric].scale, low: null, high: null, range: null });
   });
-  $("scale").addEventListener("change", () => set({ scale: $("scale").value }));
+  $("scale").addEventListener("change", () => set({ scale: $("scale").value, range: null }));
   $("colormap").addEventListener("change", () => set({ colormap: $("colormap").value }));
   $("opacity").addEventListener("input", () => set({ opacity: Number($("opacity").value) }));
   for (const id of ["low", "high"]) $(id).addEventListener("change", setRange);
@@ -53,12 +53,7 @@ function setDownload() {
 }
 
 function setRange() {
-  const [low, high] = [numberIn("low"), numberIn("high")];
-  if (low !== null && high !== null && low >= high) {
-    say("The lower end of the colours must be below the upper one.");
-    return;
-  }
-  set({ low, high });
+  set({ low: numberIn("low"), high: numberIn("high") });
   chooseRange().catch(failed);
 }
 

@@ -6,7 +6,7 @@ import { getPicture, query } from "./http.js";
 
 const MARGIN = 0.2; // more than is in view, so that small moves show no edge
 const WAIT_MS = 140; // after the last move
-const MOST_PIXELS = 2.5e6;
+const MOST_PIXELS = 1.6e6;
 const RENDERER = 2; // part of the address: one version of the service's pictures
 const WIDEST = [1e-9, 1e5]; // values that any metric may have
 
@@ -28,7 +28,7 @@ export class Heat {
   // colours: {metric, scale, colormap, range}
   show(field, colours, view) {
     clearTimeout(this.timer);
-    this.timer = setTimeout(() => this.load(field, colours, view), this.window ? WAIT_MS : 0);
+    this.timer = setTimeout(() => this.load(field, colours, view), this.overview ? WAIT_MS : 0);
   }
 
   async load(field, colours, view) {

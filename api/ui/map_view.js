@@ -1,6 +1,6 @@
 // The map: floor, field, and everything over it on one canvas.
 
-import { $ } from "./dom.js";
+import { $, say } from "./dom.js";
 import * as draw from "./draw.js";
 import { Floor, OUTSIDE } from "./floor.js";
 import { gestures } from "./gestures.js";
@@ -36,10 +36,19 @@ export function startMap(acts, failed) {
 export async function chooseRange() {
   const { field, metric, scale, low, high } = state;
   if (!field) return;
-  const found = low !== null && high !== null ? [low, high] : await suitableRange(field, metric, scale);
+  const isTyped = low !== null && high !== null && isRange(low, high, scale);
+  const found = isTyped ? [low, high] : await suitableRange(field, metric, scale);
   if (field !== state.field || metric !== state.metric || scale !== state.scale) return; // changed meanwhile
-  set({ range: [low ?? found[0], high ?? found[1]] });
+  const range = [low ?? found[0], high ?? found[1]];
+  if (isRange(...range, scale)) {
+    set({ range });
+  } else {
+    set({ range: found });
+    say(`From must be below To${scale === "log" ? " and above zero" : ""}; automatic colours are shown.`);
+  }
 }
+
+const isRange = (low, high, scale) => low < high && (scale === "linear" || low > 0);
 
 function resize(canvas) {
   const density = window.devicePixelRatio || 1;

@@ -193,6 +193,25 @@ def test_the_link_brings_everything_back(page, served):
         assert part in page.url
 
 
+def test_every_metric_has_colours_in_its_unit(page, served):
+    load(page, served)
+    page.locator("summary", has_text="Display").click()
+    for name, title, scale in (
+        ("n_visible", "n_visible", "linear"),
+        ("sigma_theta_rad", "sigma_theta [rad]", "log"),
+        ("validity", "validity", "linear"),
+        ("ellipse95_m", "ellipse95 [m]", "log"),
+    ):
+        page.select_option("#metric", name)
+        page.locator("#bar-title", has_text=title).wait_for()
+        page.locator("#bar-ramp .tick").nth(1).wait_for()
+        assert page.input_value("#scale") == scale
+    for low in ("0", "-1", "nonsense"):  # no start of a log scale
+        page.fill("#low", low)
+        page.keyboard.press("Tab")
+    page.locator("#bar-ramp .tick").nth(1).wait_for()
+
+
 def test_the_keyboard_alone_is_enough(page, served):
     load(page, served)
     page.locator("#map").focus()
