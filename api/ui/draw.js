@@ -137,6 +137,13 @@ export function route(context, view, found, color, factor, isDashed) {
   return isCut;
 }
 
+// Another route that could be chosen: where it goes, no more.
+export function faint(context, view, found) {
+  const points = found.path.map((p) => view.toScreen({ x: p.x_m, y: p.y_m }));
+  polyline(context, points, "rgba(255, 255, 255, 0.75)", 3.5);
+  polyline(context, points, `${CHOSEN}b0`, 1.5);
+}
+
 // Where along a route: the pose at a length, between its points.
 export function poseAt(path, s) {
   const k = path.findIndex((p) => p.s_m >= s);

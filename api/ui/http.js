@@ -2,12 +2,13 @@
 
 export class Problem extends Error {
   // document: RFC 9457 members, or nothing where the service could not be reached.
-  constructor(status, document) {
+  constructor(status, document, retryAfter = null) {
     super(document.detail || document.title || `The service answered ${status}.`);
     this.status = status;
     this.title = document.title || "The service answered with an error";
     this.code = document.code || "";
     this.hint = document.hint || {};
+    this.retryAfter = retryAfter; // s
     this.limit = document.setting ? `${document.setting} sets this limit.` : "";
   }
 }
@@ -39,7 +40,20 @@ export async function ask(path, { method = "GET", body, headers = {}, signal } =
   } catch {
     // A proxy's own error page; the status is all that is known.
   }
-  throw new Problem(answer.status, document);
+  throw new Problem(answer.status, document, Number(answer.headers.get("Retry-After")) || null);
+}
+
+// A service that is busy says when to come again: it has just started, say, and reads a field.
+export async function whenFree(act, waiting, tries = 4) {
+  for (let left = tries; ; left -= 1) {
+    try {
+      return await act();
+    } catch (error) {
+      if (error.status !== 503 || !error.retryAfter || left <= 1) throw error;
+      waiting(error);
+      await new Promise((resolve) => setTimeout(resolve, 1000 * error.retryAfter));
+    }
+  }
 }
 
 export const getJson = async (path, options) => (await ask(path, options)).json();

@@ -142,6 +142,9 @@ function routesShown() {
 }
 
 function paintRoutes(context, factor) {
+  for (const [k, found] of (state.plan?.routes ?? []).entries()) {
+    if (k !== state.route && found.path.length) draw.faint(context, view, found);
+  }
   const cut = routesShown().map(([found, color, isDashed]) => draw.route(context, view, found, color, factor, isDashed));
   return cut.some(Boolean);
 }

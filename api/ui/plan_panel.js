@@ -3,9 +3,9 @@
 import { $, fillSelect, make, numberIn, say } from "./dom.js";
 import { metres, probability, seconds, squareMetres, way } from "./format.js";
 import { order } from "./field_panel.js";
-import { sendJson } from "./http.js";
+import { sendJson, whenFree } from "./http.js";
 import { watch } from "./jobs.js";
-import { showProfile } from "./profile.js";
+import { nameOf, showProfile } from "./profile.js";
 import { listen, set, state } from "./state.js";
 import { clearTrouble, showTrouble } from "./troubles.js";
 
@@ -129,7 +129,8 @@ export async function plan() {
   $("plan-box").ariaBusy = "true";
   $("verdict").textContent = "Planning …";
   try {
-    const found = await sendJson("POST", "/v1/plans", body);
+    const waiting = (error) => ($("verdict").textContent = `${error.message} Asking again …`);
+    const found = await whenFree(() => sendJson("POST", "/v1/plans", body), waiting);
     if (mine !== asked) return;
     const trouble = found.unmet.map(({ place }) => ({ x: place.x_m, y: place.y_m }));
     set({ plan: found, route: 0, trouble });
@@ -184,14 +185,16 @@ function showFigures() {
   $("route-row").hidden = !(found?.routes.length > 1);
   if (!found?.routes.length) return;
   fillSelect($("route-choice"), found.routes.map((r, k) => [String(k), `${k + 1}: ${way(r.length_m)}, worst ${metres(r.uncertainty.max_r95_m)}`]), String(route));
-  const columns = [found.routes[route], found.shortest_baseline];
+  const columns = [found.routes[route], found.shortest_baseline].filter(Boolean);
+  $("figure-chosen").textContent = nameOf(found, route);
+  $("figure-shortest").hidden = columns.length < 2;
   $("figure-rows").replaceChildren(
     ...FIGURES.map(([name, say_]) =>
       make(
         "tr",
         {},
         make("th", { scope: "row", textContent: name }),
-        ...columns.map((column) => make("td", { textContent: column ? say_(column) : "–" })),
+        ...columns.map((column) => make("td", { textContent: say_(column) })),
       ),
     ),
   );

@@ -30,11 +30,17 @@ export function startProfile() {
   new ResizeObserver(showProfile).observe(chart);
 }
 
+// What the chosen route is called beside the shortest one.
+export function nameOf(plan, route) {
+  if (plan?.routes.length > 1) return `route ${route + 1}`;
+  return plan?.request.objective.kind === "shortest" ? "within the bounds" : "low uncertainty";
+}
+
 function series() {
   const { plan, route } = state;
   return [
     { path: plan?.shortest_baseline?.path, kind: "shortest", name: "shortest" },
-    { path: plan?.routes[route]?.path, kind: "chosen", name: "low uncertainty" },
+    { path: plan?.routes[route]?.path, kind: "chosen", name: nameOf(plan, route) },
   ].filter(({ path }) => path?.length);
 }
 
@@ -43,6 +49,8 @@ export function showProfile() {
   $("profile-box").hidden = !lines.length;
   scaled = null;
   if (!lines.length) return;
+  $("profile-chosen").textContent = nameOf(state.plan, state.route);
+  $("profile-shortest").hidden = !lines.some(({ kind }) => kind === "shortest");
   const chart = $("profile");
   const [width, height] = [chart.clientWidth || 600, chart.clientHeight || 130];
   const longest = Math.max(1e-9, ...lines.map(({ path }) => path.at(-1).s_m));
