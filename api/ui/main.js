@@ -63,6 +63,9 @@ async function start() {
   sendKeyWithDownloads(document.querySelectorAll("a[download]"), failed);
   listen(["tool"], showTool);
   showTool();
+  addEventListener("beforeunload", (event) => {
+    if (state.edited) event.preventDefault(); // the browser asks
+  });
   await loadMaps();
   keepLink(controlsInLink);
   addEventListener("hashchange", () => location.reload()); // somebody pasted another link

@@ -10,7 +10,13 @@ import { clearTrouble, showTrouble } from "./troubles.js";
 const PREFERRED = "warehouse"; // bundled with the service: there is always something to try
 
 export function startMaps() {
-  $("map-choice").addEventListener("change", () => chooseMap($("map-choice").value).catch((e) => showTrouble("map-trouble", e)));
+  $("map-choice").addEventListener("change", () => {
+    if (state.edited && !confirm("The changed landmarks are not saved. Leave them?")) {
+      $("map-choice").value = state.map.map;
+      return;
+    }
+    chooseMap($("map-choice").value).catch((error) => showTrouble("map-trouble", error));
+  });
   $("upload").addEventListener("submit", (event) => {
     event.preventDefault();
     upload().catch((error) => showTrouble("map-trouble", error));
