@@ -13,7 +13,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
-from api import docs_page, landing_page, openapi, page_parts
+from api import docs_page, landing_page, openapi, page_files, page_parts
 from api.dependencies import Service
 from api.errors import Problem
 from api.jobs import JobRunner
@@ -76,6 +76,7 @@ def create_app(settings: Settings, *, pool: WorkerPool | None = None) -> FastAPI
         openapi,
         docs_page,
         landing_page,
+        page_files,
         page_parts,
     ):
         app.include_router(module.router)

@@ -1,15 +1,19 @@
-"""The page at ``/``: what this is, what is here, where to go on."""
+"""The page at ``/``: map, field, paths; without a script what this is, what is here, where to go on."""
 
 from __future__ import annotations
 
+import hashlib
 from html import escape
+from string import Template
 
 from fastapi import APIRouter, Request
 from starlette.responses import Response
 
+from api import page_files
+from api.caching import conditional
 from api.codec_plan import engine_version
 from api.dependencies import Service_
-from api.page_parts import page
+from api.page_parts import STYLE_PATH
 from api.store_records import FieldRecord, FieldStatus, MapRecord
 
 router = APIRouter(include_in_schema=False)
@@ -21,11 +25,22 @@ _EXAMPLE = """curl -H 'Content-Type: application/json' {base}v1/plans -d '
 
 @router.get("/")
 def landing_page(request: Request, service: Service_) -> Response:
-    """Maps, fields and a heatmap, without a script."""
+    """The page; its scripts fetch what they show, a browser without scripts reads the plain one."""
+    plain = _plain(request, service)
+    filled = Template(page_files.template()).substitute(
+        base=page_files.base(), plain_style=STYLE_PATH, plain=plain
+    )
+    content = filled.encode()
+    tag = hashlib.sha256(content).hexdigest()[:32]
+    return conditional(request, tag, "no-cache", lambda: Response(content, media_type="text/html"))
+
+
+def _plain(request: Request, service: Service_) -> str:
+    """Maps, fields and a heatmap, as HTML without a script."""
     maps, fields = service.store.maps()[::-1], service.store.fields()[::-1]
     names = {m.id: m.name for m in maps}
     ready = [f for f in fields if f.status is FieldStatus.READY]
-    body = f"""<h1>surepath</h1>
+    return f"""<h1>surepath</h1>
 <p>The path planner for mobile robots that knows how well the robot will know where it is.
 Upload a map with landmarks, compute its field of localization uncertainty once, and ask for paths on which
 the robot stays certain of its position.</p>
@@ -39,7 +54,6 @@ the robot stays certain of its position.</p>
 <h2>A first path</h2>
 <pre>{escape(_EXAMPLE.format(base=request.base_url))}</pre>
 <p class="soft">version {escape(engine_version())}</p>"""
-    return page("Paths that know where they are", body, request)
 
 
 def _picture(ready: list[FieldRecord], names: dict[str, str]) -> str:
