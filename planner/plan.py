@@ -41,7 +41,7 @@ _ROUTE_SHARES = (0.35, 0.85)
 _SHORTEST_SHARES = (0.6, 1.0)
 # Where a smoothed path passes closer than the centres of its cells, the grid is asked for this share of the
 # collision probability.
-_RISK_SHARES = (0.4, 0.1)
+_RISK_SHARES = (0.8, 0.4, 0.1)
 
 
 @dataclass(slots=True)
@@ -225,6 +225,20 @@ def _within_risk(
         other = _finish(careful, problem, context, clock, work)
         if keeps_risk(other, limit):
             return careful, other
+    # Smoothing may pass closer; lines with stops at their corners are slow, but keep what was asked.
+    for points in (shorten(way.points, way.graph.cost_space)[0], way.points):
+        plain = annotate(
+            _timed(points, problem),
+            context,
+            way.graph.cost_space,
+            cost=_asked_cost(points, problem, context),
+        )
+        if keeps_risk(plain, limit):
+            work.warnings.append(
+                f"A smooth path would exceed the collision probability of {limit:g}; the route stops at its "
+                "corners."
+            )
+            return way, plain
     return way, route
 
 

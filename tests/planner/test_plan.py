@@ -8,6 +8,7 @@ import time
 import numpy as np
 import pytest
 
+from planner import plan as plan_module
 from planner.context import PlanningContext
 from planner.errors import GoalOccupied, GoalOutsideMap, StartOccupied, StartOutsideMap
 from planner.plan import plan, warm_up
@@ -296,3 +297,21 @@ def test_random_worlds_keep_every_promise(rng):
         blind = (None, 0.5, 0.0)[k % 3]
         result = ask(context, start, goal, max_r95=bound, blind_r95=blind)
         assert result.status in {PlanStatus.EXACT, PlanStatus.RISK_UNMET, PlanStatus.NO_PATH}
+
+
+def test_where_a_smooth_path_is_too_risky_the_robot_stops_at_corners(monkeypatch):
+    asked = []
+
+    def smooth_ones_are_too_risky(route, _limit):
+        speed = np.hypot(*np.asarray(route.trajectory.velocity).T)
+        asked.append(bool((speed[1:-1] > 0).all()))
+        return not asked[-1]
+
+    monkeypatch.setattr(plan_module, "keeps_risk", smooth_ones_are_too_risky)
+    monkeypatch.setattr(plan_module, "_RISK_SHARES", ())
+    result = plan(PlanningProblem(S, (8.0, 4.0), 0.2, max_collision_probability=0.2, deadline=20.0), ring())
+    assert asked[0]
+    assert not asked[-1]
+    assert any("stops at its corners" in w for w in result.warnings)
+    stops = np.hypot(*np.asarray(result.route.trajectory.velocity).T) == 0
+    assert stops[1:-1].any()
