@@ -7,6 +7,7 @@ from typing import Any
 from pydantic import Field
 
 from api.answers_base import Answer
+from api.answers_places import Ranking
 from api.answers_schedule import ScheduleFigures, Stretch
 
 
@@ -203,6 +204,9 @@ class PointValue(Answer):
     )
     pan_rad: float | None = Field(description="Optical axis relative to the heading.")
     n_visible: int
+    ranking: Ranking | None = Field(
+        description="At the middle of the cell, where `ranking` asks for it; null otherwise, and outside."
+    )
 
 
 class Uncertainty(Answer):

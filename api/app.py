@@ -18,7 +18,7 @@ from api.dependencies import Service
 from api.errors import Problem
 from api.jobs import JobRunner
 from api.middleware import Outermost
-from api.routes import fields, health, heatmaps, jobs, many, maps, plans
+from api.routes import fields, health, heatmaps, jobs, many, maps, places, plans
 from api.settings import Settings
 from api.store import Store
 from api.workers import WorkerPool
@@ -71,6 +71,7 @@ def create_app(settings: Settings, *, pool: WorkerPool | None = None) -> FastAPI
         heatmaps,
         plans,
         many,
+        places,
         jobs,
         health,
         openapi,

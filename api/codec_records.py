@@ -206,6 +206,7 @@ def point_to_json(field: UncertaintyField, x: float, y: float) -> dict[str, Any]
         "triplet": triplet_names(field.triplet[row, col], field.world.landmarks.ids),
         "pan_rad": number(float(field.pan[row, col])) if fix else None,
         "n_visible": n_visible,
+        "ranking": None,
     }
 
 

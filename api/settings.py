@@ -122,6 +122,9 @@ class Settings(BaseSettings):
     max_deadline_s: _Seconds = Field(30.0, le=30.0, description="Longest deadline of a plan, s.")
     max_matrix_pairs: _Count = Field(2_500, le=250_000, description="Sources times targets of a matrix.")
     max_simulation_runs: _Count = Field(1_000, le=100_000, description="Runs of a simulation.")
+    max_ranking: _Count = Field(
+        1_000, le=10_000, description="Triplets of a ranking, and as many that are missed."
+    )
     default_deadline_s: _Seconds = Field(2.0, ge=0.05, description="Deadline of a plan that names none, s.")
     cache_bytes: _Count = Field(
         _GIB,

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
-from api import finding, worker_questions
+from api import finding, worker_places, worker_questions
 from api.codec import parse_json
 from api.settings import LimitExceeded
 from api.store_files import read_world, write_field
@@ -146,6 +146,6 @@ def _memory_limit(extra: int) -> Iterator[None]:
 
 #: Compiles, or loads from the cache, everything that a task will run.
 PROGRAM = Program(
-    (field_builder.warm_up, finding.warm_up, worker_questions.warm_up),
-    {"build": build, "parse": parse, **worker_questions.TASKS},
+    (field_builder.warm_up, finding.warm_up, worker_questions.warm_up, worker_places.warm_up),
+    {"build": build, "parse": parse, **worker_questions.TASKS, **worker_places.PLACE_TASKS},
 )

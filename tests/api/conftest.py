@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 import api.app
-from api import worker_questions
+from api import worker_places, worker_questions
 from api.codec import parse_json, plan_to_json
 from api.codec_plan import FieldLabel
 from api.finding import find
+from api.place_orders import PLACE_TASK_OF
 from api.questions import NOTHING_MORE, Found
 from api.settings import Settings
 from api.store_files import write_field
@@ -88,6 +89,10 @@ class InlinePool:
         channel = SimpleNamespace(memory={"fields": {field_path.name: ready}})
         task = worker_questions.TASKS[TASK_OF[type(order)]]
         return task(channel, field_path, order, time.monotonic() + order.deadline)
+
+    def ask_map(self, map_path, order):
+        task = worker_places.PLACE_TASKS[PLACE_TASK_OF[type(order)]]
+        return task(SimpleNamespace(memory={}), map_path, order)
 
 
 class IdleJobs:
