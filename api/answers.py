@@ -25,7 +25,8 @@ class Problem(Answer):
         description="Places: pointer (JSON pointer into the body) or parameter, and detail."
     )
     hint: dict[str, Any] = Field(
-        description="What would help: nearest_free; job to wait for; order, a body for POST /v1/fields."
+        description="What would help: nearest_free; job to wait for; map, the newest version; order, a body "
+        "for POST /v1/fields."
     )
     limit: float | None
     requested: float | None
@@ -37,6 +38,12 @@ class Place(Answer):
 
     x_m: float
     y_m: float
+
+
+class Pose(Place):
+    """A place, and a heading if one was given."""
+
+    theta_rad: float | None
 
 
 class Bounds(Answer):
@@ -84,6 +91,23 @@ class MapUploaded(Map):
     """The map that was uploaded, and what may cause trouble."""
 
     findings: list[Finding]
+
+
+class MapEdited(MapUploaded):
+    """A map with other landmarks."""
+
+    landmarks_etag: str = Field(description="ETag of its landmarks: If-Match of the next change.")
+
+
+class Snapped(Answer):
+    """Where a robot fits."""
+
+    map: str
+    asked: Place
+    radius_m: float
+    pose: Pose | None = Field(description="null: the robot fits nowhere.")
+    moved_m: float | None = Field(description="From what was asked for; 0: the robot fits there.")
+    clearance_m: float | None = Field(description="Distance of the pose from the nearest obstacle.")
 
 
 class Maps(Answer):

@@ -18,7 +18,7 @@ from api.dependencies import Service
 from api.errors import Problem
 from api.jobs import JobRunner
 from api.middleware import Outermost
-from api.routes import fields, health, heatmaps, jobs, many, maps, places, plans
+from api.routes import fields, health, heatmaps, jobs, landmarks, many, maps, places, plans
 from api.settings import Settings
 from api.store import Store
 from api.workers import WorkerPool
@@ -67,6 +67,7 @@ def create_app(settings: Settings, *, pool: WorkerPool | None = None) -> FastAPI
     )
     for module in (
         maps,
+        landmarks,
         fields,
         heatmaps,
         plans,

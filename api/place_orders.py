@@ -36,6 +36,16 @@ class RankingOrder:
     triplet: tuple[str, str, str] | None = None
 
 
-PlaceOrder = RankingOrder
+@dataclass(frozen=True, slots=True)
+class SnapOrder:
+    """The nearest place (m) at which a disc of ``radius`` (m) fits; ``heading`` (rad) comes back."""
+
+    place: tuple[float, float]
+    heading: float | None
+    radius: float
+    deadline: float
+
+
+PlaceOrder = RankingOrder | SnapOrder
 #: Order -> task of a worker.
-PLACE_TASK_OF: dict[type[PlaceOrder], str] = {RankingOrder: "rank"}
+PLACE_TASK_OF: dict[type[PlaceOrder], str] = {RankingOrder: "rank", SnapOrder: "snap"}

@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from api.codec_ranking import choice_to_json, ranking_to_json
-from api.place_orders import RankingOrder
+from api.place_orders import RankingOrder, SnapOrder
 from api.store_files import read_world
 from api.worker_main import Channel
 from localization.errors import LocalizationError
 from localization.ranking import TripletStatus, explain_place, one_triplet, triplet_status
 from localization.sensors import LASER
 from localization.triplets import MAX_RANKED
+from maps.arrays import FloatArray
+from maps.clearance import ClearanceIndex
+from maps.grid import GridFrame
 from maps.io.site import bundled_site
+from maps.se2 import wrap
 from maps.world import World
 
 _WORLDS = "worlds"
 #: Maps kept in memory; one of 64 M cells takes 200 MB.
 _KEPT = 3
+_CLEARANCE = "clearance"
+#: Cells of the grid on which the nearest place is looked for.
+_SNAP_CELLS = 250_000
 
 
 def world_of(channel: Channel, path: Path) -> World:
@@ -89,9 +97,47 @@ def indices_of(world: World, names: tuple[str, ...]) -> tuple[int, int, int]:
     return a, b, c
 
 
-PLACE_TASKS: dict[str, Callable[..., Any]] = {"rank": rank}
+def snap(channel: Channel, path: Path, order: SnapOrder) -> dict[str, Any]:
+    """The nearest place at which a robot fits; the answer of ``GET /v1/maps/{map}/snap``."""
+    index, frame, clearance = _clearance_of(channel, path)
+    found = index.nearest_free([order.place], order.radius, frame=frame, centre_clearance=clearance)
+    answer: dict[str, Any] = {
+        "asked": dict(zip(("x_m", "y_m"), order.place, strict=True)),
+        "radius_m": order.radius,
+        "pose": None,
+        "moved_m": None,
+        "clearance_m": None,
+    }
+    if found is not None:
+        x, y = found[0].tolist()
+        theta = None if order.heading is None else float(wrap(order.heading))
+        answer["pose"] = {"x_m": x, "y_m": y, "theta_rad": theta}
+        answer["moved_m"] = math.hypot(x - order.place[0], y - order.place[1])
+        answer["clearance_m"] = float(index.distance(found)[0])
+    return answer
+
+
+def _clearance_of(channel: Channel, path: Path) -> tuple[ClearanceIndex, GridFrame, FloatArray]:
+    """A map's boundary, and the clearance of a coarse grid, from memory if they were asked for lately."""
+    kept: dict[str, tuple[ClearanceIndex, GridFrame, FloatArray]] = channel.memory.setdefault(_CLEARANCE, {})
+    ready = kept.pop(path.name, None)
+    if ready is None:
+        world = world_of(channel, path)
+        index = ClearanceIndex.from_world(world)
+        x0, y0, x1, y1 = world.bounds
+        frame = world.grid_frame(max(math.sqrt((x1 - x0) * (y1 - y0) / _SNAP_CELLS), 1e-3))
+        ready = index, frame, index.at_centres(frame, threads=1)
+    kept[path.name] = ready
+    while len(kept) > _KEPT:
+        del kept[next(iter(kept))]
+    return ready
+
+
+PLACE_TASKS: dict[str, Callable[..., Any]] = {"rank": rank, "snap": snap}
 
 
 def warm_up() -> None:
     """Compile or load what questions about a place need."""
-    explain_place(bundled_site("warehouse"), LASER, (30.0, 20.0), count=3)
+    world = bundled_site("warehouse")
+    explain_place(world, LASER, (30.0, 20.0), count=3)
+    ClearanceIndex.from_world(world).distance([(30.0, 20.0)])
