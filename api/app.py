@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from types import FrameType
 
 import uvicorn
 from fastapi import FastAPI, Request
@@ -145,4 +146,15 @@ def serve(settings: Settings) -> None:
         timeout_graceful_shutdown=_GRACE_S,
         lifespan="on",
     )
-    uvicorn.Server(config).run()
+    _Server(config).run()
+
+
+class _Server(uvicorn.Server):
+    """Ends event streams at the first signal; they would keep the server waiting otherwise."""
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """Stop, at once what would go on for long."""
+        service = getattr(getattr(self.config.app, "state", None), "service", None)
+        if service is not None:
+            service.stopping.set()
+        super().handle_exit(sig, frame)

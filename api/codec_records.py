@@ -145,12 +145,12 @@ def ordered_to_json(record: FieldRecord, job: JobRecord | None) -> dict[str, Any
     }
 
 
-def job_to_json(record: JobRecord) -> dict[str, Any]:
-    """State and progress of a job."""
-    eta = None
-    if record.status is JobStatus.RUNNING and record.started is not None and 0 < record.done <= record.total:
-        elapsed = max(0.0, time.time() - record.started)
-        eta = round(elapsed * (record.total - record.done) / record.done, 1)
+def job_to_json(record: JobRecord, left: float | None = None) -> dict[str, Any]:
+    """State and progress of a job; ``left``: seconds by its pace lately, else the pace so far counts."""
+    running = record.status is JobStatus.RUNNING and record.started is not None
+    if left is None and running and record.started is not None and 0 < record.done < record.total:
+        left = max(0.0, time.time() - record.started) * (record.total - record.done) / record.done
+    eta = round(left, 1) if running and left is not None else None
     return {
         "job": record.id,
         "field": record.field_id,
@@ -162,7 +162,11 @@ def job_to_json(record: JobRecord) -> dict[str, Any]:
         "created": rfc3339(record.created),
         "started": rfc3339(record.started),
         "ended": rfc3339(record.ended),
-        "links": {"self": f"/v1/jobs/{record.id}", "field": f"/v1/fields/{record.field_id}"},
+        "links": {
+            "self": f"/v1/jobs/{record.id}",
+            "events": f"/v1/jobs/{record.id}/events",
+            "field": f"/v1/fields/{record.field_id}",
+        },
     }
 
 

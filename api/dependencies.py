@@ -31,6 +31,8 @@ class Service:
         Limits; maps, fields and plans; worker processes; computations of fields.
     pictures
         Finished PNGs by entity tag.
+    stopping
+        Set when the service is told to stop: whoever would go on for long ends then.
     """
 
     settings: Settings
@@ -38,9 +40,11 @@ class Service:
     pool: WorkerPool
     jobs: JobRunner
     pictures: BytesCache = field(default_factory=lambda: BytesCache(_PICTURES_BYTES))
+    stopping: threading.Event = field(default_factory=threading.Event)
 
     def __post_init__(self) -> None:
         self._turns = threading.BoundedSemaphore(max(2, self.settings.workers))
+        self._streams = threading.BoundedSemaphore(self.settings.max_streams)
 
     @contextmanager
     def turn(self) -> Iterator[None]:
@@ -57,6 +61,25 @@ class Service:
             yield
         finally:
             self._turns.release()
+
+    @contextmanager
+    def stream(self) -> Iterator[None]:
+        """One of the places for event streams.
+
+        Raises
+        ------
+        Busy
+            If all are taken.
+        """
+        if not self._streams.acquire(blocking=False):
+            raise Busy(
+                f"{self.settings.max_streams} event streams are open already, the limit "
+                "(SUREPATH_MAX_STREAMS); ask GET /v1/jobs/{job} from time to time instead."
+            )
+        try:
+            yield
+        finally:
+            self._streams.release()
 
 
 def running_service(request: Request) -> Service:

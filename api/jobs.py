@@ -7,6 +7,7 @@ import math
 import threading
 import time
 
+from api.pace import Pace
 from api.settings import LimitExceeded, Settings
 from api.store import FieldRecord, JobRecord, JobStatus, Store, StoreUnavailable
 from api.worker_process import WorkerError
@@ -48,6 +49,7 @@ class JobRunner:
         self._changed = threading.Condition()
         self._dismissed: set[str] = set()
         self._current: set[str] = set()
+        self._paces: dict[str, Pace] = {}
         self._stopping = False
         self._news = False
         self._threads = [
@@ -150,6 +152,11 @@ class JobRunner:
                 self._changed.notify_all()
         return record
 
+    def seconds_left(self, job_id: str) -> float | None:
+        """How long a job that is computed here will still take, s; None: not known."""
+        pace = self._paces.get(job_id)
+        return None if pace is None else pace.left(time.monotonic())
+
     # --- the threads ------------------------------------------------------------------------------
 
     def _run(self) -> None:
@@ -168,6 +175,7 @@ class JobRunner:
                     with self._changed:
                         self._current.discard(job.id)
                         self._dismissed.discard(job.id)
+                        self._paces.pop(job.id, None)
             except Exception:
                 log.exception("the job runner goes on after an error")
                 time.sleep(1.0)
@@ -187,6 +195,7 @@ class JobRunner:
 
     def _do(self, job: JobRecord) -> None:
         staged = self._store.staging_path(job.id)
+        pace = self._paces[job.id] = Pace()
         try:
             field = self._store.field(job.field_id)
             order = FieldOrder(
@@ -201,7 +210,9 @@ class JobRunner:
                 max_cells=self._settings.max_field_cells,
             )
             size, checksum = self._pool.build(
-                order, on_progress=_Noter(self._store, job.id), cancelled=lambda: self._cancelled(job.id)
+                order,
+                on_progress=_Noter(self._store, job.id, pace),
+                cancelled=lambda: self._cancelled(job.id),
             )
             if self._store.commit_field(job.id, staged, size=size, checksum=checksum):
                 self._pool.prefetch(self._store.field_path(field.id))
@@ -232,15 +243,17 @@ class JobRunner:
 class _Noter:
     """Writes progress to the store, not more often than four times a second."""
 
-    def __init__(self, store: Store, job_id: str) -> None:
+    def __init__(self, store: Store, job_id: str, pace: Pace) -> None:
         self._store = store
         self._job_id = job_id
+        self._pace = pace
         self._last = -math.inf
 
     def __call__(self, done: int, total: int) -> None:
         now = time.monotonic()
         if done >= total or now - self._last >= _PROGRESS_S:
             self._last = now
+            self._pace.note(done, total, now)
             try:
                 self._store.set_progress(self._job_id, done, total)
             except SurepathError as error:

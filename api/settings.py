@@ -122,6 +122,7 @@ class Settings(BaseSettings):
     max_deadline_s: _Seconds = Field(30.0, le=30.0, description="Longest deadline of a plan, s.")
     max_matrix_pairs: _Count = Field(2_500, le=250_000, description="Sources times targets of a matrix.")
     max_simulation_runs: _Count = Field(1_000, le=100_000, description="Runs of a simulation.")
+    max_streams: _Count = Field(100, le=10_000, description="Event streams of jobs that are open at a time.")
     max_ranking: _Count = Field(
         1_000, le=10_000, description="Triplets of a ranking, and as many that are missed."
     )

@@ -111,6 +111,9 @@ class IdleJobs:
     def submit_field(self, map_id, sensor, resolution, heading, *, method=BEST_AREA):
         return self.store.add_field_request(map_id, sensor, resolution, heading, method=method)
 
+    def seconds_left(self, job_id):
+        return None
+
     def dismiss(self, job_id):
         return self.store.dismiss_job(job_id)
 
