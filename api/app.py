@@ -19,7 +19,19 @@ from api.dependencies import Service
 from api.errors import Problem
 from api.jobs import JobRunner
 from api.middleware import Outermost
-from api.routes import fields, health, heatmaps, jobs, landmarks, many, maps, places, plans
+from api.routes import (
+    fields,
+    health,
+    heatmaps,
+    jobs,
+    landmarks,
+    many,
+    maps,
+    places,
+    plans,
+    statistics,
+    tiles,
+)
 from api.settings import Settings
 from api.store import Store
 from api.workers import WorkerPool
@@ -71,6 +83,8 @@ def create_app(settings: Settings, *, pool: WorkerPool | None = None) -> FastAPI
         landmarks,
         fields,
         heatmaps,
+        statistics,
+        tiles,
         plans,
         many,
         places,

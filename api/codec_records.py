@@ -92,6 +92,9 @@ def field_to_json(record: FieldRecord) -> dict[str, Any]:
         "heatmap": f"{here}/heatmap.png",
         "values": f"{here}/heatmap.npy",
         "point": f"{here}/point",
+        "statistics": f"{here}/statistics",
+        "tiles": f"{here}/tilejson.json",
+        "legend": f"{here}/legend.json",
     }
     if record.job is not None:
         links["job"] = f"/v1/jobs/{record.job}"

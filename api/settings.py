@@ -115,6 +115,11 @@ class Settings(BaseSettings):
     max_storage_bytes: _Count = Field(50 * _GIB, description="Bytes of all maps, fields and plans on disk.")
     max_plans: _Count = Field(10_000, description="Plans kept for reading; the oldest go first.")
     max_heatmap_pixels: _Count = Field(16_000_000, description="Pixels of a heatmap.")
+    max_json_cells: _Count = Field(1_000_000, description="Cells of a window of a field as JSON.")
+    max_statistics_cells: _Count = Field(
+        16_000_000,
+        description="Cells that the statistics of a request look at; of more every n-th counts.",
+    )
     max_parse_bytes: _Count = Field(
         2 * _GIB, description="Memory a worker may add while it decodes an upload, bytes."
     )

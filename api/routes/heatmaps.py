@@ -28,7 +28,7 @@ RENDERER = 2
 _MAX_SIDE = 16_384
 _LARGEST = 1e9
 _SMALLEST_WINDOW_M = 0.01
-_METRIC = Query(description=f"One of {', '.join(METRICS)}.")
+METRIC = Query(description=f"One of {', '.join(METRICS)}.")
 if TYPE_CHECKING:
     Metric = str
 else:  # the engine's list is the only one; a checker cannot read a Literal made at run time
@@ -55,7 +55,7 @@ class Picture(BaseModel):
 
 
 def picture(
-    metric: Annotated[Metric, _METRIC] = "area95_m2",
+    metric: Annotated[Metric, METRIC] = "area95_m2",
     width: Annotated[Side, Query(description="Width with the colour bar, px.")] = None,
     height: Annotated[Side, Query(description="Height, px; a missing side follows from the other.")] = None,
     max_size: Annotated[
@@ -90,12 +90,8 @@ def picture(
     InvalidRequest, InvalidPicture
         If a list of numbers is not one, or makes no picture.
     """
-    limits = None if rescale is None else _numbers(rescale, 2, "rescale")
-    if limits is not None and not 1e-9 * max(map(abs, limits)) < limits[1] - limits[0]:
-        raise InvalidPicture(
-            f"The colour range {limits[0]:g} … {limits[1]:g} is empty; give min,max with min < max."
-        )
-    window = None if bbox is None else _window(_numbers(bbox, 4, "bbox"))
+    limits = limits_of(rescale)
+    window = None if bbox is None else window_of(numbers_of(bbox, 4, "bbox"))
     return Picture(
         metric=metric,
         width=width,
@@ -111,8 +107,30 @@ def picture(
     )
 
 
-def _numbers(text: str, count: int, name: str) -> list[float]:
-    """Comma-separated numbers of a query."""
+def limits_of(rescale: str | None) -> tuple[float, float] | None:
+    """Ends of the colours; None if they were not given.
+
+    Raises
+    ------
+    InvalidRequest, InvalidPicture
+        If they are not two numbers, or not in order.
+    """
+    if rescale is None:
+        return None
+    low, high = numbers_of(rescale, 2, "rescale")
+    if not 1e-9 * max(abs(low), abs(high)) < high - low:
+        raise InvalidPicture(f"The colour range {low:g} … {high:g} is empty; give min,max with min < max.")
+    return low, high
+
+
+def numbers_of(text: str, count: int, name: str) -> list[float]:
+    """Comma-separated numbers of a query.
+
+    Raises
+    ------
+    InvalidRequest
+        If they are not ``count`` finite ones.
+    """
     try:
         found = [float(part) for part in text.split(",")]
     except ValueError:
@@ -124,7 +142,14 @@ def _numbers(text: str, count: int, name: str) -> list[float]:
     return found
 
 
-def _window(values: list[float]) -> BBox:
+def window_of(values: list[float]) -> BBox:
+    """A window of four numbers, m.
+
+    Raises
+    ------
+    InvalidPicture
+        If it is empty or too thin.
+    """
     x0, y0, x1, y1 = values
     if not (x1 - x0 >= _SMALLEST_WINDOW_M and y1 - y0 >= _SMALLEST_WINDOW_M):
         raise InvalidPicture(
@@ -200,7 +225,7 @@ def heatmap(
     },
 )
 def heatmap_array(
-    field: str, request: Request, service: Service_, metric: Annotated[Metric, _METRIC] = "area95_m2"
+    field: str, request: Request, service: Service_, metric: Annotated[Metric, METRIC] = "area95_m2"
 ) -> Response:
     """The metric of every cell as a numpy file. Row 0: lowest y."""
     record = service.store.ready_field(field)
