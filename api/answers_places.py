@@ -92,3 +92,94 @@ class Triplets(Ranking):
 
     map: str
     asked: AskedTriplet | None
+
+
+class PoseAt(PlaceAt):
+    """A pose in the map frame."""
+
+    theta_rad: float
+
+
+class Spread(Answer):
+    """How a pose scatters."""
+
+    covariance: list[float] = Field(description="xx, xy, yy (m²), xθ, yθ (m rad), θθ (rad²).")
+    area95_m2: float
+    ellipse95: Ellipse95
+    sigma_theta_rad: float
+
+
+class Bias(Answer):
+    """Mean error; null without a fix."""
+
+    x_m: float | None
+    y_m: float | None
+    theta_rad: float | None
+
+
+class Cloud(Answer):
+    """Fixes one by one, as columns of equal length."""
+
+    x_m: list[float]
+    y_m: list[float]
+    theta_rad: list[float]
+    inside: list[bool] = Field(description="In the predicted 95 % ellipse.")
+
+
+class Fixes(Answer):
+    """Simulated fixes at a pose; null where there is none."""
+
+    map: str
+    status: str = Field(description="ok, or no_fix: to first order there is none here, see reason.")
+    reason: str | None = Field(description="Why there is no fix, or why its ellipse cannot be believed.")
+    pose: PoseAt = Field(description="The true one.")
+    estimator: str
+    n: int
+    seed: int
+    landmarks: list[str] = Field(description="What was measured: three, or all in view.")
+    pan_rad: float | None
+    failures: dict[str, int] = Field(description="Measurements that gave no fix, by what became of them.")
+    share_inside: float | None = Field(description="Of all n, in the predicted 95 % ellipse.")
+    predicted_share: float | None = Field(description="What the field's validity predicts of it.")
+    valid: bool | None = Field(description="Whether that is near enough to 0.95.")
+    predicted: Spread | None = Field(description="To first order.")
+    sample: Spread | None = Field(description="Of the fixes; null with fewer than two.")
+    bias: Bias | None
+    cloud: Cloud | None
+
+
+class Residual(Answer):
+    """What is left of a bearing when the pose is taken away."""
+
+    landmark: str
+    residual_rad: float
+    sigma_rad: float
+    ratio: float = Field(description="Residual over sigma.")
+
+
+class Localized(Answer):
+    """Where the robot is; null where that cannot be said."""
+
+    map: str
+    status: str = Field(
+        description="ok; ambiguous: there is a pose, but the bearings contradict one another more than "
+        "999 of 1000 good sets do; degenerate: there is none."
+    )
+    reason: str | None
+    measured: int
+    pose: PoseAt | None
+    covariance: list[float] | None = Field(
+        description="To first order: xx, xy, yy (m²), xθ, yθ (m rad), θθ (rad²)."
+    )
+    r95_m: float | None
+    area95_m2: float | None
+    ellipse95: Ellipse95 | None
+    sigma_theta_rad: float | None
+    free: bool | None = Field(description="Whether the robot's centre can be there.")
+    chi2: float | None
+    dof: int
+    p_value: float | None = Field(
+        description="Probability that good bearings disagree so much; 1 for three, which always agree."
+    )
+    residuals: list[Residual]
+    suspects: list[str] = Field(description="Landmarks without which the others agree; from five on.")

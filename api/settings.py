@@ -128,6 +128,9 @@ class Settings(BaseSettings):
     max_matrix_pairs: _Count = Field(2_500, le=250_000, description="Sources times targets of a matrix.")
     max_simulation_runs: _Count = Field(1_000, le=100_000, description="Runs of a simulation.")
     max_streams: _Count = Field(100, le=10_000, description="Event streams of jobs that are open at a time.")
+    max_fixes: _Count = Field(100_000, le=10_000_000, description="Simulated measurements of POST /v1/fixes.")
+    max_cloud_points: _Count = Field(10_000, description="Simulated fixes that are given one by one.")
+    max_bearings: _Count = Field(1_000, le=10_000, description="Measured landmarks of POST /v1/localize.")
     max_ranking: _Count = Field(
         1_000, le=10_000, description="Triplets of a ranking, and as many that are missed."
     )

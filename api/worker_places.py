@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from api.codec_ranking import choice_to_json, ranking_to_json
-from api.place_orders import RankingOrder, SnapOrder
+from api.fix_clouds import simulated
+from api.localizing import indices_of, localize
+from api.place_orders import FixesOrder, LocalizeOrder, RankingOrder, SnapOrder
 from api.store_files import read_world
 from api.worker_main import Channel
-from localization.errors import LocalizationError
+from localization.method import Estimator
 from localization.ranking import TripletStatus, explain_place, one_triplet, triplet_status
-from localization.sensors import LASER
+from localization.sensors import LASER, MAS97_CAMERA, Sensor
 from localization.triplets import MAX_RANKED
 from maps.arrays import FloatArray
 from maps.clearance import ClearanceIndex
@@ -53,7 +56,7 @@ def rank(channel: Channel, path: Path, order: RankingOrder) -> dict[str, Any]:
 
     Raises
     ------
-    LocalizationError
+    InvalidRequest, LocalizationError
         If the place, the count or the triplet makes no sense.
     """
     world = world_of(channel, path)
@@ -63,7 +66,8 @@ def rank(channel: Channel, path: Path, order: RankingOrder) -> dict[str, Any]:
     )
     if order.triplet is None:
         return {**ranking_to_json(world, order.sensor, report, order.criterion), "asked": None}
-    three = indices_of(world, order.triplet)
+    a, b, c = indices_of(world, order.triplet, "#/triplet").tolist()
+    three = (a, b, c)
     status = triplet_status(world, order.sensor, order.place, three, heading=order.heading)
     choice = one_triplet(world, order.sensor, order.place, three, heading=order.heading)
     place = next((k for k, c in enumerate(report.ranked, start=1) if set(c.triplet) == set(three)), None)
@@ -79,22 +83,6 @@ def rank(channel: Channel, path: Path, order: RankingOrder) -> dict[str, Any]:
         "fix": None if choice is None else choice_to_json(world, choice),
     }
     return answer
-
-
-def indices_of(world: World, names: tuple[str, ...]) -> tuple[int, int, int]:
-    """Indices of three landmarks by their ids.
-
-    Raises
-    ------
-    LocalizationError
-        If one is not there.
-    """
-    known = {name: i for i, name in enumerate(world.landmarks.ids)}
-    for name in names:
-        if name not in known:
-            raise LocalizationError(f"There is no landmark '{name[:40]}' on this map.")
-    a, b, c = (known[name] for name in names)
-    return a, b, c
 
 
 def snap(channel: Channel, path: Path, order: SnapOrder) -> dict[str, Any]:
@@ -133,7 +121,17 @@ def _clearance_of(channel: Channel, path: Path) -> tuple[ClearanceIndex, GridFra
     return ready
 
 
-PLACE_TASKS: dict[str, Callable[..., Any]] = {"rank": rank, "snap": snap}
+def fixes(channel: Channel, path: Path, order: FixesOrder) -> dict[str, Any]:
+    """Simulated fixes; errors as of :func:`api.fix_clouds.simulated`."""
+    return simulated(world_of(channel, path), order)
+
+
+def locate(channel: Channel, path: Path, order: LocalizeOrder) -> dict[str, Any]:
+    """A pose from measurements; errors as of :func:`api.localizing.localize`."""
+    return localize(world_of(channel, path), order)
+
+
+PLACE_TASKS: dict[str, Callable[..., Any]] = {"rank": rank, "snap": snap, "fixes": fixes, "localize": locate}
 
 
 def warm_up() -> None:
@@ -141,3 +139,7 @@ def warm_up() -> None:
     world = bundled_site("warehouse")
     explain_place(world, LASER, (30.0, 20.0), count=3)
     ClearanceIndex.from_world(world).distance([(30.0, 20.0)])
+    sensors: tuple[Sensor, ...] = (LASER, MAS97_CAMERA)
+    estimators: tuple[Estimator, ...] = get_args(Estimator)
+    for sensor, estimator in itertools.product(sensors, estimators):
+        simulated(world, FixesOrder((30.0, 20.0), 0.0, sensor, estimator, None, 3, 0, 3, 1.0))

@@ -11,13 +11,14 @@ from starlette.responses import Response
 from api import answers_places
 from api.dependencies import Service, Service_
 from api.errors import InvalidRequest
-from api.place_orders import RankingOrder
+from api.place_orders import FixesOrder, RankingOrder
 from api.routes.common import answer, json_response, problems
-from api.schemas_places import PoseAtIn, TripletsIn, WhereIn
+from api.schemas_places import FixesIn, LocalizeIn, PoseAtIn, TripletsIn, WhereIn
 from api.settings import LimitExceeded
 from api.store_records import MapRecord
 from localization.method import BEST_AREA, FieldMethod
-from localization.sensors import Sensor
+from localization.sensors import OmnidirectionalSensor, Sensor
+from maps.se2 import wrap
 
 router = APIRouter(prefix="/v1", tags=["places"])
 _CODES = (
@@ -88,12 +89,17 @@ def require_on_map(record: MapRecord, pose: PoseAtIn, place: str = "#/pose") -> 
 
 def require_ranking(count: int, limit: int, place: str | None) -> None:
     """Raise :class:`~api.settings.LimitExceeded` if more triplets are wanted than the limit."""
-    if count > limit:
+    require_limit("triplets", count, limit, "SUREPATH_MAX_RANKING", place)
+
+
+def require_limit(what: str, requested: int, limit: int, setting: str, place: str | None) -> None:
+    """Raise :class:`~api.settings.LimitExceeded` if more is asked for than a setting allows."""
+    if requested > limit:
         raise LimitExceeded(
-            f"{count} triplets are asked for, the limit is {limit} (SUREPATH_MAX_RANKING).",
+            f"{requested} {what} are asked for, the limit is {limit} ({setting}).",
             limit=limit,
-            requested=count,
-            setting="SUREPATH_MAX_RANKING",
+            requested=requested,
+            setting=setting,
             place=place,
         )
 
@@ -128,3 +134,67 @@ def rank_triplets(question: TripletsIn, service: Service_) -> Response:
         ),
     )
     return json_response({"map": where.map.id, **found})
+
+
+@router.post(
+    "/fixes",
+    responses={
+        200: answer(answers_places.Fixes, "Figures and a cloud, or why there is no fix."),
+        **problems(*_CODES),
+    },
+)
+def simulate_fixes(question: FixesIn, service: Service_) -> Response:
+    """Monte Carlo at a pose: the sensor's noise on many measurements, and the fix that each one gives.
+
+    Says how many fixes lie inside the predicted 95 % ellipse, and how prediction and sample compare. At most
+    `max_fixes` measurements; `max_cloud_points` of the fixes one by one, to be drawn.
+    """
+    settings = service.settings
+    for what, asked, limit, name in (
+        ("measurements", question.n, settings.max_fixes, "n"),
+        ("points", question.points, settings.max_cloud_points, "points"),
+    ):
+        setting = "SUREPATH_MAX_FIXES" if name == "n" else "SUREPATH_MAX_CLOUD_POINTS"
+        require_limit(what, asked, limit, setting, f"#/{name}")
+    where = where_of(service, question)
+    heading = question.pose.heading
+    default = "best_triplet" if question.triplet is not None else where.method.estimator
+    found = service.pool.ask_map(
+        where.path,
+        FixesOrder(
+            place=require_on_map(where.map, question.pose),
+            heading=float(wrap(where.heading if heading is None else heading)),
+            sensor=where.sensor,
+            estimator=question.estimator or default,
+            triplet=None if question.triplet is None else tuple(question.triplet),
+            count=question.n,
+            seed=question.seed,
+            points=question.points,
+            deadline=question.deadline(settings.max_deadline_s),
+        ),
+    )
+    return json_response({"map": where.map.id, **found})
+
+
+@router.post(
+    "/localize",
+    responses={
+        200: answer(answers_places.Localized, "The pose, or why there is none: see `status`."),
+        **problems(*_CODES),
+    },
+)
+def localize(question: LocalizeIn, service: Service_) -> Response:
+    """Where a robot is that measured three or more landmarks, and how well that is known.
+
+    By weighted least squares over all of them; landmarks with a survey sigma count less the nearer they are.
+    `ambiguous` with `suspects`: somebody misread a landmark.
+    """
+    count = len(question.bearings or question.columns or ())
+    place = "#/bearings" if question.bearings is not None else "#/columns"
+    limit = service.settings.max_bearings
+    require_limit("measured landmarks", count, limit, "SUREPATH_MAX_BEARINGS", place)
+    where = where_of(service, question)
+    if question.columns is not None and isinstance(where.sensor, OmnidirectionalSensor):
+        raise InvalidRequest("This sensor has no image columns; send bearings.", place="#/columns")
+    order = question.to_order(where.sensor, question.deadline(service.settings.max_deadline_s))
+    return json_response({"map": where.map.id, **service.pool.ask_map(where.path, order)})

@@ -104,6 +104,8 @@ def warehouse(tmp_path_factory):
         ("ReachIn", "/v1/reachability", {"complete"}),
         ("SimulationIn", "/v1/simulations", {"complete"}),
         ("TripletsIn", "/v1/triplets", {None}),
+        ("LocalizeIn", "/v1/localize", {"ok"}),
+        ("FixesIn", "/v1/fixes", {"ok"}),
     ],
 )
 def test_examples_of_questions_work_on_the_warehouse(warehouse, schema, path, status):
@@ -132,13 +134,15 @@ def test_curl_lines_of_the_documents_work(warehouse):
         "/v1/reachability",
         "/v1/simulations",
         "/v1/triplets",
+        "/v1/localize",
+        "/v1/fixes",
     }
     for path, body in lines:
         answer = warehouse.post(path, json=body)
         assert answer.status_code == 200, answer.text
         # Questions about one place have no outcome but the answer.
         status = answer.json().get("status", "complete")
-        assert status in {"complete", "exact", "approximate", "risk_unmet"}, body
+        assert status in {"complete", "exact", "approximate", "risk_unmet", "ok"}, body
 
 
 def test_an_empty_store_gets_the_warehouse(tmp_path, monkeypatch):

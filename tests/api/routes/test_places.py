@@ -181,3 +181,204 @@ def test_numbers_are_plain(client, hall):
     answers_places.Triplets.model_validate(body)
     assert body["triplets"], body["reason"]
     assert all(t["pan_rad"] is not None and np.isfinite(t["pan_rad"]) for t in body["triplets"])
+
+
+# --- simulated fixes ------------------------------------------------------------------------------
+
+MANY = {**AT, "n": 4000, "points": 50, "seed": 3}
+
+
+def test_simulated_fixes_at_a_pose(gallery):
+    answer = gallery.client.post("/v1/fixes", json=MANY)
+    assert answer.status_code == 200, answer.text
+    found = answer.json()
+    answers_places.Fixes.model_validate(found)
+    assert (found["status"], sorted(found["landmarks"]), found["failures"]) == ("ok", ["A", "C", "D"], {})
+    assert found["share_inside"] == pytest.approx(0.95, abs=0.015)
+    assert found["predicted_share"] == pytest.approx(0.95, abs=0.01)
+    assert found["sample"]["area95_m2"] == pytest.approx(found["predicted"]["area95_m2"], rel=0.1)
+    cloud = found["cloud"]
+    assert {len(column) for column in cloud.values()} == {50}
+    assert np.mean(cloud["x_m"]) == pytest.approx(1.25, abs=0.01)
+    best = gallery.client.post("/v1/triplets", json=AT).json()["triplets"][0]
+    assert found["predicted"]["area95_m2"] == pytest.approx(best["area95_m2"])
+    assert gallery.client.post("/v1/fixes", json=MANY).content == answer.content, "same seed, same bytes"
+    assert gallery.client.post("/v1/fixes", json={**MANY, "seed": 4}).content != answer.content
+
+
+def test_all_landmarks_in_view_are_better_than_three(client, hall):
+    three = client.post("/v1/fixes", json={**MANY, "map": hall, "n": 500}).json()
+    every = client.post("/v1/fixes", json={**MANY, "map": hall, "n": 500, "estimator": "all_visible"}).json()
+    answers_places.Fixes.model_validate(every)
+    assert len(every["landmarks"]) > 3
+    assert every["predicted"]["area95_m2"] < three["predicted"]["area95_m2"]
+    assert every["predicted_share"] is every["valid"] is None
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"pose": {"x_m": 4.0, "y_m": 3.0}}, "not free"),
+        ({"pose": {"x_m": 4.0, "y_m": 4.2}}, "No triplet"),
+        ({"triplet": ["A", "B", "C"]}, "B (hidden)"),
+    ],
+)
+def test_where_there_is_no_fix_it_is_said(gallery, change, words):
+    found = gallery.client.post("/v1/fixes", json={**MANY, **change}).json()
+    answers_places.Fixes.model_validate(found)
+    assert (found["status"], found["cloud"]) == ("no_fix", None)
+    assert words in found["reason"]
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "pointer"),
+    [
+        ({"n": 100_001}, "limit_exceeded", "#/n"),
+        ({"points": 10_001}, "limit_exceeded", "#/points"),
+        ({"n": 0}, "invalid_request", "#/n"),
+        ({"triplet": ["A", "C", "Z"]}, "invalid_request", "#/triplet"),
+        ({"triplet": ["A", "C", "D"], "estimator": "all_visible"}, "invalid_request", "#"),
+        ({"pose": {"x_m": -9.0, "y_m": 0.0}}, "invalid_request", "#/pose"),
+    ],
+)
+def test_wrong_questions_about_fixes(gallery, change, code, pointer):
+    problem = problem_of(gallery.client.post("/v1/fixes", json={**MANY, **change}), 422, code)
+    assert [e["pointer"] for e in problem["errors"]] == [pointer]
+
+
+# --- localization ---------------------------------------------------------------------------------
+
+POSE = np.array([1.5, 4.5, 0.4])
+CORNERS = {"A": (0, 0), "B": (8, 0), "C": (8, 6), "D": (0, 6), "E": (2, 6), "F": (0, 4)}
+
+
+def bearings(names, pose=POSE):
+    return [
+        {
+            "landmark": n,
+            "bearing_rad": math.atan2(CORNERS[n][1] - pose[1], CORNERS[n][0] - pose[0]) - pose[2],
+        }
+        for n in names
+    ]
+
+
+def located(client, body, status="ok"):
+    answer = client.post("/v1/localize", json={"map": "room", "sensor": LASER, **body})
+    assert answer.status_code == 200, answer.text
+    found = answer.json()
+    answers_places.Localized.model_validate(found)
+    assert found["status"] == status, found
+    return found
+
+
+def test_a_robot_that_sees_three_landmarks_knows_where_it_is(gallery):
+    found = located(gallery.client, {"bearings": bearings("ACD")})
+    pose = found["pose"]
+    assert (pose["x_m"], pose["y_m"], pose["theta_rad"]) == pytest.approx(POSE)
+    assert (found["dof"], found["p_value"], found["free"]) == (0, 1.0, True)
+    at = {**AT, "pose": {"x_m": 1.5, "y_m": 4.5}, "triplet": ["A", "C", "D"]}
+    fix = gallery.client.post("/v1/triplets", json=at).json()["asked"]["fix"]
+    assert found["covariance"][:3] == pytest.approx(fix["covariance"]), "what the field would say there"
+    assert found["sigma_theta_rad"] == pytest.approx(fix["sigma_theta_rad"])
+
+
+def test_degrees_and_mounts(gallery):
+    turned = {**LASER, "mount": {"x_m": 0.3, "y_m": 0.1, "theta_deg": 90.0}}
+    c, s = math.cos(POSE[2]), math.sin(POSE[2])
+    sensor = np.array([POSE[0] + 0.3 * c - 0.1 * s, POSE[1] + 0.3 * s + 0.1 * c, POSE[2] + math.pi / 2])
+    seen = [
+        {"landmark": b["landmark"], "bearing_deg": math.degrees(b["bearing_rad"])}
+        for b in bearings("ACD", sensor)
+    ]
+    pose = located(gallery.client, {"sensor": turned, "bearings": seen})["pose"]
+    assert (pose["x_m"], pose["y_m"], pose["theta_rad"]) == pytest.approx(POSE)
+
+
+def test_a_misread_landmark_is_suspected(client, hall):
+    seen = bearings("ACDEF")
+    seen[2]["bearing_rad"] += 0.1
+    found = located(client, {"map": hall, "bearings": seen}, "ambiguous")
+    assert found["suspects"] == ["D"]
+    assert found["p_value"] < 1e-3
+    assert "Without D the others agree" in found["reason"]
+    assert located(client, {"map": hall, "bearings": bearings("ACDEF")})["suspects"] == []
+
+
+@pytest.mark.parametrize("names", ["AAC", "ABD"])
+def test_what_gives_no_fix_is_said(gallery, names):
+    # The corners of a rectangle and a robot on their circle.
+    r = math.hypot(4, 3)
+    on_circle = np.array([4 + r * math.cos(2.0), 3 + r * math.sin(2.0), 0.0])
+    found = located(gallery.client, {"bearings": bearings(names, on_circle)}, "degenerate")
+    assert found["pose"] is found["covariance"] is None
+    assert found["reason"]
+
+
+def test_columns_of_a_camera(client, hall):
+    pan = math.radians(138.0)
+    marks = ("D", "E", "F")
+    pose = np.array([2.0, 4.3, 0.0])
+    focal, middle = 512.0, 256.0
+    columns = []
+    for n in marks:
+        off = math.atan2(CORNERS[n][1] - pose[1], CORNERS[n][0] - pose[0]) - pan
+        columns.append({"landmark": n, "column_px": middle - focal * math.tan(off)})
+    wide = {"kind": "pinhole_pan", "fov_deg": 120.0, "focal_px": 512.0, "column_sigma_px": 1.0}
+    body = {"map": hall, "sensor": wide, "pan_deg": 138.0}
+    width = 2 * focal * math.tan(math.radians(60.0))
+    shifted = [{**c, "column_px": c["column_px"] - middle + width / 2} for c in columns]
+    found = located(client, {**body, "columns": shifted, "principal_px": None})
+    assert (found["pose"]["x_m"], found["pose"]["y_m"]) == pytest.approx((2.0, 4.3))
+    same = located(client, {**body, "columns": shifted, "principal_px": width / 2})
+    assert same == found, "the axis is in the middle unless it is said otherwise"
+
+
+def test_sigmas_may_differ(gallery):
+    rough = [{**b, "sigma_deg": 1.0} for b in bearings("ACD")]
+    ten = (
+        located(gallery.client, {"bearings": rough})["r95_m"]
+        / located(gallery.client, {"bearings": bearings("ACD")})["r95_m"]
+    )
+    assert ten == pytest.approx(10.0)
+    forward = {"sensor": "forward", "bearings": bearings("ACD")}
+    problem = problem_of(
+        gallery.client.post("/v1/localize", json={"map": "room", **forward}), 422, "invalid_request"
+    )
+    assert problem["errors"][0]["pointer"] == "#/bearings"
+    located(gallery.client, {"sensor": "forward", "bearings": rough})
+
+
+def test_a_survey_sigma_counts_by_distance(client, room):
+    held = client.get("/v1/maps/room/landmarks")
+    body = held.json()
+    before = located(client, {"bearings": bearings("ACD")})
+    body["landmarks"][3]["sigma_m"] = 0.05
+    client.put("/v1/maps/room/landmarks", json=body, headers={"if-match": held.headers["etag"]})
+    after = located(client, {"bearings": bearings("ACD")})
+    assert after["r95_m"] > before["r95_m"]
+    distance = math.hypot(CORNERS["D"][0] - POSE[0], CORNERS["D"][1] - POSE[1])
+    assert after["residuals"][2]["sigma_rad"] == pytest.approx(math.hypot(math.radians(0.1), 0.05 / distance))
+
+
+@pytest.mark.parametrize(
+    ("body", "code"),
+    [
+        ({}, "invalid_request"),
+        ({"bearings": bearings("AC")}, "invalid_request"),
+        ({"bearings": [*bearings("AC"), {"landmark": "Z", "bearing_rad": 0.0}]}, "invalid_request"),
+        ({"bearings": [*bearings("AC"), {"landmark": "D"}]}, "invalid_request"),
+        (
+            {"bearings": [*bearings("AC"), {"landmark": "D", "bearing_rad": 1.0, "bearing_deg": 1.0}]},
+            "invalid_request",
+        ),
+        ({"bearings": bearings("ACD"), "pan_deg": 1.0}, "invalid_request"),
+        ({"columns": [{"landmark": n, "column_px": 1.0} for n in "ACD"]}, "invalid_request"),
+        (
+            {"sensor": "mas97", "columns": [{"landmark": n, "column_px": 9999.0} for n in "ACD"]},
+            "invalid_request",
+        ),
+        ({"bearings": bearings("A") * 1001}, "limit_exceeded"),
+    ],
+)
+def test_wrong_measurements(gallery, body, code):
+    problem_of(gallery.client.post("/v1/localize", json={"map": "room", "sensor": LASER, **body}), 422, code)
