@@ -20,6 +20,7 @@ from api.errors import Problem
 from api.jobs import JobRunner
 from api.middleware import Outermost
 from api.routes import (
+    evaluations,
     fields,
     health,
     heatmaps,
@@ -85,6 +86,7 @@ def create_app(settings: Settings, *, pool: WorkerPool | None = None) -> FastAPI
         heatmaps,
         statistics,
         tiles,
+        evaluations,
         plans,
         many,
         places,

@@ -125,6 +125,8 @@ class Settings(BaseSettings):
     )
     max_parse_s: _Seconds = Field(30.0, description="Time for decoding an upload, s.")
     max_deadline_s: _Seconds = Field(30.0, le=30.0, description="Longest deadline of a plan, s.")
+    max_batch: _Count = Field(100, le=1000, description="Plans of a batch.")
+    max_batch_s: _Seconds = Field(120.0, description="Longest time for a batch of plans, s.")
     max_matrix_pairs: _Count = Field(2_500, le=250_000, description="Sources times targets of a matrix.")
     max_simulation_runs: _Count = Field(1_000, le=100_000, description="Runs of a simulation.")
     max_streams: _Count = Field(100, le=10_000, description="Event streams of jobs that are open at a time.")

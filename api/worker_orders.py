@@ -137,10 +137,31 @@ class SimulationOrder:
     warnings: tuple[str, ...] = ()
 
 
-Order = MatrixOrder | RegionOrder | SimulationOrder
+@dataclass(frozen=True, slots=True, eq=False)
+class GivenPath:
+    """A path to score: ``points`` (x, y), m, of a polyline, or a trajectory."""
+
+    name: str
+    points: tuple[tuple[float, float], ...]
+    trajectory: Trajectory | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EvaluationOrder:
+    """Figures of given paths; ``problem`` has robot, costs and bounds, the rest is as of MatrixOrder."""
+
+    paths: tuple[GivenPath, ...]
+    problem: PlanningProblem
+    deadline: float
+    client_ref: str | None = None
+    warnings: tuple[str, ...] = ()
+
+
+Order = MatrixOrder | RegionOrder | SimulationOrder | EvaluationOrder
 #: Order -> task of a worker.
 TASK_OF: dict[type[Order], str] = {
     MatrixOrder: "matrix",
     RegionOrder: "reach",
     SimulationOrder: "simulate",
+    EvaluationOrder: "evaluate",
 }

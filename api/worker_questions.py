@@ -12,11 +12,12 @@ import numpy as np
 
 from api.codec_many import matrix_answer, region_answer, simulation_answer
 from api.codec_plan import FieldLabel, plan_to_json
+from api.evaluating import evaluated
 from api.finding import find
 from api.questions import More
 from api.store_files import read_field
 from api.worker_main import Channel
-from api.worker_orders import Loaded, MatrixOrder, RegionOrder, SimulationOrder
+from api.worker_orders import EvaluationOrder, Loaded, MatrixOrder, RegionOrder, SimulationOrder
 from planner.clock import Clock
 from planner.context import PlanningContext
 from planner.errors import InvalidProblem
@@ -182,12 +183,25 @@ def simulate(channel: Channel, path: Path, order: SimulationOrder, ends_at: floa
     return simulation_answer(report, robot, ready.label, order)
 
 
+def evaluate(channel: Channel, path: Path, order: EvaluationOrder, ends_at: float) -> dict[str, Any]:  # noqa: ARG001
+    """Figures of given paths; the answer of ``POST /v1/evaluations``.
+
+    Raises
+    ------
+    InvalidProblem
+        If a path leaves the map.
+    """
+    ready: _Ready = channel.memory[_FIELDS][path.name]
+    return evaluated(ready.context, ready.label, order)
+
+
 TASKS: dict[str, Callable[..., Any]] = {
     "load": load,
     "plan": plan,
     "matrix": matrix,
     "reach": reach,
     "simulate": simulate,
+    "evaluate": evaluate,
 }
 
 

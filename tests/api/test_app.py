@@ -106,6 +106,8 @@ def warehouse(tmp_path_factory):
         ("TripletsIn", "/v1/triplets", {None}),
         ("LocalizeIn", "/v1/localize", {"ok"}),
         ("FixesIn", "/v1/fixes", {"ok"}),
+        ("EvaluationIn", "/v1/evaluations", {None}),
+        ("BatchIn", "/v1/plans/batch", {None}),
     ],
 )
 def test_examples_of_questions_work_on_the_warehouse(warehouse, schema, path, status):
@@ -136,6 +138,8 @@ def test_curl_lines_of_the_documents_work(warehouse):
         "/v1/triplets",
         "/v1/localize",
         "/v1/fixes",
+        "/v1/plans/batch",
+        "/v1/evaluations",
     }
     for path, body in lines:
         answer = warehouse.post(path, json=body)
