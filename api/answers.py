@@ -160,6 +160,7 @@ class UncertaintyField(Answer):
     sensor: dict[str, Any] = Field(description="In rad; what POST /v1/fields takes.")
     resolution_m: float
     heading_rad: float
+    headings: int = Field(description="Evenly spaced from 0 on; 1: heading_rad alone.")
     estimator: str = Field(description="best_triplet or all_visible.")
     criterion: str = Field(description="area, max_axis or trace.")
     origin: dict[str, float] = Field(description="Outer corner of cell (0, 0) and yaw of the grid.")
@@ -203,6 +204,16 @@ class Jobs(Answer):
     jobs: list[Job]
 
 
+class HeadingAt(Answer):
+    """A place at one of the headings of a field."""
+
+    theta_rad: float
+    state: str = Field(description="fix, no_fix or occupied.")
+    area95_m2: float | None
+    r95_m: float | None
+    n_visible: int
+
+
 class PointValue(Answer):
     """What the field says about one place."""
 
@@ -228,6 +239,10 @@ class PointValue(Answer):
     )
     pan_rad: float | None = Field(description="Optical axis relative to the heading.")
     n_visible: int
+    heading_rad: float = Field(description="For which all this holds; of a field over headings one of them.")
+    headings: list[HeadingAt] | None = Field(
+        description="What each heading gives here; null for a field of one heading, and outside."
+    )
     ranking: Ranking | None = Field(
         description="At the middle of the cell, where `ranking` asks for it; null otherwise, and outside."
     )

@@ -106,6 +106,7 @@ def field_to_json(record: FieldRecord) -> dict[str, Any]:
         "sensor": sensor_to_json(record.sensor),
         "resolution_m": frame.resolution,
         "heading_rad": record.heading,
+        "headings": record.headings,
         "estimator": record.estimator,
         "criterion": record.criterion,
         "origin": {"x_m": frame.origin_x, "y_m": frame.origin_y, "yaw_rad": frame.yaw},
@@ -129,6 +130,7 @@ def order_to_json(record: FieldRecord) -> dict[str, Any]:
         "sensor": sensor_to_json(record.sensor),
         "resolution_m": record.resolution,
         "heading_rad": record.heading,
+        "headings": record.headings,
         "estimator": record.estimator,
         "criterion": record.criterion,
     }
@@ -213,6 +215,8 @@ def point_to_json(field: UncertaintyField, x: float, y: float) -> dict[str, Any]
         "triplet": triplet_names(field.triplet[row, col], field.world.landmarks.ids),
         "pan_rad": number(float(field.pan[row, col])) if fix else None,
         "n_visible": n_visible,
+        "heading_rad": field.heading,
+        "headings": None,
         "ranking": None,
     }
 

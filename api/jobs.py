@@ -12,7 +12,7 @@ from api.settings import LimitExceeded, Settings
 from api.store import FieldRecord, JobRecord, JobStatus, Store, StoreUnavailable
 from api.worker_process import WorkerError
 from api.workers import FieldOrder, TaskCrashed, WorkerPool
-from localization.errors import Cancelled
+from localization.errors import Cancelled, InvalidSensor
 from localization.method import BEST_AREA, FieldMethod
 from localization.sensors import Sensor
 from maps.errors import SurepathError
@@ -80,6 +80,7 @@ class JobRunner:
         heading: float = 0.0,
         *,
         method: FieldMethod = BEST_AREA,
+        headings: int = 1,
     ) -> tuple[FieldRecord, JobRecord | None]:
         """Ask for a field; the same content is never computed twice.
 
@@ -89,6 +90,8 @@ class JobRunner:
             Of a stored map.
         sensor, resolution, heading, method
             As of :func:`localization.field_builder.build_field`: m, rad.
+        headings
+            How many evenly spaced headings; 1: ``heading`` alone.
 
         Returns
         -------
@@ -103,6 +106,8 @@ class JobRunner:
             If there is no such map.
         TooFewLandmarks, InvalidGeometry
             If the map or the resolution admits no field.
+        InvalidSensor
+            If it sees the same at every heading, and several are wanted.
         LimitExceeded
             If the field would be too large.
         StorageFull
@@ -110,18 +115,22 @@ class JobRunner:
         """
         world = self._store.world(map_id)
         world.require_triangulation()
-        self._require_size(world, resolution)
-        found = self._store.add_field_request(map_id, sensor, resolution, heading, method=method)
+        if headings > 1 and not sensor.depends_on_heading:
+            raise InvalidSensor("This sensor sees the same at every heading; leave headings out.")
+        self._require_size(world, resolution, headings)
+        found = self._store.add_field_request(
+            map_id, sensor, resolution, heading, method=method, headings=headings
+        )
         with self._changed:
             self._news = True
             self._changed.notify_all()
         return found
 
-    def _require_size(self, world: World, resolution: float) -> None:
+    def _require_size(self, world: World, resolution: float, headings: int) -> None:
         if not (math.isfinite(resolution) and resolution > 0):
             return  # the frame will say it better
         x0, y0, x1, y1 = world.bounds
-        cells = math.ceil((x1 - x0) / resolution) * math.ceil((y1 - y0) / resolution)
+        cells = math.ceil((x1 - x0) / resolution) * math.ceil((y1 - y0) / resolution) * headings
         by_memory = self._settings.max_field_bytes // BUILD_BYTES_PER_CELL
         limit = min(self._settings.max_field_cells, by_memory)
         if cells <= limit:
@@ -130,7 +139,8 @@ class JobRunner:
         setting = f"SUREPATH_{name.upper()}"
         enough = resolution * math.sqrt(cells / limit) * 1.01
         raise LimitExceeded(
-            f"At {resolution:g} m the field of '{world.name}' has {cells} cells, the limit is {limit} "
+            f"At {resolution:g} m the field of '{world.name}' has {cells} cells"
+            f"{f' at {headings} headings' if headings > 1 else ''}, the limit is {limit} "
             f"({setting}); use a resolution of {enough:.2g} m or more.",
             limit=limit,
             requested=cells,
@@ -205,6 +215,7 @@ class JobRunner:
                 sensor=field.sensor,
                 resolution=field.resolution,
                 heading=field.heading,
+                headings=field.headings,
                 method=field.method,
                 threads=self._settings.workers,
                 max_cells=self._settings.max_field_cells,

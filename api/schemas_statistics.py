@@ -36,6 +36,11 @@ class StatisticsIn(Request):
         default=list(DEFAULT_PERCENTILES), min_length=1, max_length=MAX_PERCENTILES
     )
     bins: int = Field(default=DEFAULT_BINS, ge=1, le=MAX_BINS, description="Of the histogram.")
+    heading: str | None = Field(
+        default=None,
+        max_length=50,
+        description="Of a field over headings: best (default), worst, mean, or an angle in rad.",
+    )
     scale: Literal["log", "linear"] | None = Field(
         default=None,
         description="Of the histogram; default: linear for n_visible and validity, else log.",

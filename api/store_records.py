@@ -161,7 +161,9 @@ class FieldRecord:
     frame
         Its cells.
     heading
-        rad; 0 for sensors that do not depend on it.
+        rad; 0 for sensors that do not depend on it, and over headings.
+    headings
+        How many evenly spaced ones from 0 on; 1: only ``heading``.
     estimator, criterion
         How its fixes are made, see :attr:`method`.
     field_format
@@ -179,6 +181,7 @@ class FieldRecord:
     sensor_values: dict[str, Any]
     frame: GridFrame
     heading: float
+    headings: int
     estimator: str
     criterion: str
     field_format: int

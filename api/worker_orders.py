@@ -27,6 +27,8 @@ class FieldOrder:
         As of :func:`localization.field_builder.build_field`.
     threads, max_cells
         Limits.
+    headings
+        How many evenly spaced ones; 1: ``heading`` alone.
     """
 
     field_id: str
@@ -38,6 +40,7 @@ class FieldOrder:
     threads: int
     max_cells: int
     method: FieldMethod = BEST_AREA
+    headings: int = 1
 
 
 @dataclass(frozen=True, slots=True)

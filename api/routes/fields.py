@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request
@@ -10,8 +11,9 @@ from starlette.responses import Response
 from api import answers
 from api.caching import HOUR, IMMUTABLE, REVALIDATE, conditional, etag_of
 from api.codec import to_json_bytes
-from api.codec_records import field_to_json, ordered_to_json, point_to_json
+from api.codec_records import field_to_json, ordered_to_json
 from api.dependencies import Service, Service_
+from api.field_views import point_of
 from api.place_orders import RankingOrder
 from api.routes.common import NOT_MODIFIED, answer, json_response, problems
 from api.routes.places import require_ranking
@@ -22,7 +24,7 @@ from api.store_records import FieldRecord, FieldStatus
 
 router = APIRouter(prefix="/v1/fields", tags=["fields"])
 #: Part of every point's tag: changes when the same question gives another answer.
-POINTS = 2
+POINTS = 3
 
 
 @router.post(
@@ -57,6 +59,7 @@ def order_field(order: FieldIn, service: Service_) -> Response:
         order.resolution_m,
         order.heading_rad,
         method=order.to_method(),
+        headings=order.headings,
     )
     body = ordered_to_json(record, job)
     if job is None:
@@ -115,6 +118,15 @@ def read_point(
     y_m: Annotated[Finite, Query(description="y in the map frame, m.", examples=[20.0])],
     request: Request,
     service: Service_,
+    theta_rad: Annotated[
+        float | None,
+        Query(
+            ge=-2 * math.pi,
+            le=2 * math.pi,
+            allow_inf_nan=False,
+            description="Heading, of a field over headings: the nearest one; default: the best one there.",
+        ),
+    ] = None,
     ranking: Annotated[
         int | None,
         Query(
@@ -137,20 +149,23 @@ def read_point(
 
     def make() -> Response:
         values = service.store.load_field(record.id)
-        value = point_to_json(values, x_m, y_m)
+        value = point_of(values, x_m, y_m, theta_rad)
         if ranking is not None and (cell := value["cell"]) is not None:
-            value["ranking"] = _ranking(service, record, (cell["row"], cell["column"]), ranking)
+            at = (cell["row"], cell["column"])
+            value["ranking"] = _ranking(service, record, at, value["heading_rad"], ranking)
         return json_response({"field": record.id, **value})
 
-    return conditional(request, etag_of("point", POINTS, record.id, x_m, y_m, ranking), HOUR, make)
+    return conditional(request, etag_of("point", POINTS, record.id, x_m, y_m, theta_rad, ranking), HOUR, make)
 
 
-def _ranking(service: Service, record: FieldRecord, cell: tuple[int, int], count: int) -> dict[str, Any]:
+def _ranking(
+    service: Service, record: FieldRecord, cell: tuple[int, int], heading: float, count: int
+) -> dict[str, Any]:
     """The ranking at the middle of a cell, where the field's own numbers hold."""
     x, y = record.frame.centres(slice(cell[0], cell[0] + 1), slice(cell[1], cell[1] + 1))[0, 0].tolist()
     order = RankingOrder(
         place=(x, y),
-        heading=record.heading,
+        heading=heading,
         sensor=record.sensor,
         count=count,
         criterion=record.method.criterion,

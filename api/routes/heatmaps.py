@@ -16,6 +16,7 @@ from api.canvas import BBox, InvalidPicture, check_bbox, picture_size
 from api.colormaps import COLORMAPS, DEFAULT_COLORMAP
 from api.dependencies import Service_
 from api.errors import InvalidRequest
+from api.field_views import HeadingQuery, normal_heading, shown_field
 from api.render import BAR_WIDTH, default_scale, heatmap_png, room_for_bar
 from api.routes.common import NOT_MODIFIED, binary, problems
 from api.settings import LimitExceeded
@@ -52,6 +53,7 @@ class Picture(BaseModel):
     scale: str
     legend: bool
     landmarks: bool
+    heading: str | None
 
 
 def picture(
@@ -82,6 +84,7 @@ def picture(
     ] = None,
     legend: Annotated[bool, Query(description="Colour bar at the right.")] = True,
     landmarks: Annotated[bool, Query(description="Dots for landmarks.")] = True,
+    heading: HeadingQuery = None,
 ) -> Picture:
     """The picture that the query asks for.
 
@@ -104,6 +107,7 @@ def picture(
         scale=default_scale(metric) if scale is None else scale,
         legend=legend,
         landmarks=landmarks,
+        heading=heading,
     )
 
 
@@ -200,15 +204,16 @@ def heatmap(
 ) -> Response:
     """Heatmap of a metric over the floor, with a colour bar in its unit."""
     record = service.store.ready_field(field)
+    asked = asked.model_copy(update={"heading": normal_heading(record, asked.heading)})
     tag = etag_of(record.id, asked.model_dump(), RENDERER, "image/png")
 
     def make() -> Response:
         png = service.pictures.get(tag)
         if png is None:
-            values = service.store.load_field(record.id)
             with service.turn():
+                values = shown_field(service, record, asked.heading or "", asked.metric)
                 size = _size(asked, values.frame.bounds(), service.settings.max_heatmap_pixels)
-                png = heatmap_png(values, **{**asked.model_dump(), **size})
+                png = heatmap_png(values, **{**asked.model_dump(exclude={"heading"}), **size})
             service.pictures.put(tag, png)
         return Response(png, media_type="image/png")
 
@@ -225,14 +230,19 @@ def heatmap(
     },
 )
 def heatmap_array(
-    field: str, request: Request, service: Service_, metric: Annotated[Metric, METRIC] = "area95_m2"
+    field: str,
+    request: Request,
+    service: Service_,
+    metric: Annotated[Metric, METRIC] = "area95_m2",
+    heading: HeadingQuery = None,
 ) -> Response:
     """The metric of every cell as a numpy file. Row 0: lowest y."""
     record = service.store.ready_field(field)
+    which = normal_heading(record, heading)
 
     def make() -> Response:
-        values = service.store.load_field(record.id)
         with service.turn():
+            values = shown_field(service, record, which, metric)
             out = io.BytesIO()
             np.save(out, values.metric(metric), allow_pickle=False)
         name = f'attachment; filename="{metric}.npy"'
@@ -240,4 +250,4 @@ def heatmap_array(
             out.getvalue(), media_type="application/octet-stream", headers={"Content-Disposition": name}
         )
 
-    return conditional(request, etag_of(record.id, metric, RENDERER, "npy"), HOUR, make)
+    return conditional(request, etag_of(record.id, metric, which, RENDERER, "npy"), HOUR, make)

@@ -10,6 +10,7 @@ from starlette.responses import Response
 from api import answers
 from api.caching import HOUR, conditional, etag_of
 from api.dependencies import Service_
+from api.field_views import normal_heading, shown_field
 from api.plan_picture import plan_png
 from api.planning import plan_one
 from api.routes.common import NOT_MODIFIED, answer, binary, problems
@@ -87,8 +88,9 @@ def plan_picture(
     def make() -> Response:
         png = service.pictures.get(tag)
         if png is None:
-            field = service.store.load_field(record.field_id)
+            of = service.store.ready_field(record.field_id)
             with service.turn():
+                field = shown_field(service, of, normal_heading(of, None), "area95_m2")
                 png = plan_png(field, record.answer, width=width)
             service.pictures.put(tag, png)
         return Response(png, media_type="image/png")

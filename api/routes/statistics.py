@@ -12,6 +12,7 @@ from api.caching import HOUR, conditional, etag_of
 from api.dependencies import Service_
 from api.errors import InvalidRequest
 from api.field_statistics import statistics
+from api.field_views import HeadingQuery, normal_heading, shown_field
 from api.field_window import cells_of, window_to_json
 from api.render import default_scale
 from api.routes.common import NOT_MODIFIED, answer, json_response, problems
@@ -71,6 +72,7 @@ def field_statistics(
         Literal["log", "linear"] | None,
         Query(description="Of the histogram; default: linear for n_visible and validity, else log."),
     ] = None,
+    heading: HeadingQuery = None,
 ) -> Response:
     """Percentiles, histogram, and the share of free cells with a fix and with one that can be believed.
 
@@ -80,10 +82,11 @@ def field_statistics(
     window = None if bbox is None else window_of(numbers_of(bbox, 4, "bbox"))
     asked = _percentiles(percentiles)
     axis = default_scale(metric) if scale is None else scale
+    which = normal_heading(record, heading)
 
     def make() -> Response:
-        values = service.store.load_field(record.id)
         with service.turn():
+            values = shown_field(service, record, which, metric)
             found = statistics(
                 values,
                 metric,
@@ -95,7 +98,7 @@ def field_statistics(
             )
         return json_response({"field": record.id, **found})
 
-    tag = etag_of("statistics", FIGURES, record.id, metric, window, asked, bins, axis)
+    tag = etag_of("statistics", FIGURES, record.id, metric, window, asked, bins, axis, which)
     return conditional(request, tag, HOUR, make)
 
 
@@ -119,9 +122,10 @@ def area_statistics(field: str, question: StatisticsIn, service: Service_) -> Re
     if question.metric not in METRICS:
         raise InvalidRequest(f"metric must be one of {', '.join(METRICS)}.", place="#/metric")
     record = service.store.ready_field(field)
-    values = service.store.load_field(record.id)
+    which = normal_heading(record, question.heading)
     scale = default_scale(question.metric) if question.scale is None else question.scale
     with service.turn():
+        values = shown_field(service, record, which, question.metric)
         found = [
             statistics(
                 values,
@@ -155,9 +159,11 @@ def heatmap_values(
         int,
         Query(ge=1, le=16_384, description="Values along the longer side at most; of more cells every n-th."),
     ] = 400,
+    heading: HeadingQuery = None,
 ) -> Response:
     """A metric over a window as rows of numbers, for pages and scripts without numpy."""
     record = service.store.ready_field(field)
+    which = normal_heading(record, heading)
     window = None if bbox is None else window_of(numbers_of(bbox, 4, "bbox"))
     cells = cells_of(record.frame, window, max_side=max_size)
     rows, cols = (len(range(*s.indices(n))) for s, n in zip(cells.slices, record.frame.shape, strict=True))
@@ -172,9 +178,9 @@ def heatmap_values(
         )
 
     def make() -> Response:
-        values = service.store.load_field(record.id)
         with service.turn():
+            values = shown_field(service, record, which, metric)
             body = window_to_json(values, metric, cells)
         return json_response({"field": record.id, **body})
 
-    return conditional(request, etag_of("heatmap.json", FIGURES, record.id, metric, cells), HOUR, make)
+    return conditional(request, etag_of("heatmap.json", FIGURES, record.id, metric, cells, which), HOUR, make)

@@ -16,6 +16,7 @@ from api.canvas import InvalidPicture
 from api.codec_records import bounds_to_json
 from api.colormaps import COLORMAPS, DEFAULT_COLORMAP
 from api.dependencies import Service, Service_
+from api.field_views import HeadingQuery, normal_heading, shown_field
 from api.legend import legend_png, legend_to_json
 from api.render import LEAST_HEIGHT, default_scale
 from api.routes.common import NOT_MODIFIED, answer, binary, json_response, problems
@@ -43,19 +44,24 @@ class Colours(BaseModel):
     colormap: str
     limits: tuple[float, float] | None
     scale: str
+    heading: str | None
 
     def query(self, limits: tuple[float, float]) -> str:
         """As a query that names everything, the renderer too."""
-        return urlencode(
-            {
-                "metric": self.metric,
-                "colormap_name": self.colormap,
-                "rescale": f"{limits[0]!r},{limits[1]!r}",
-                "scale": self.scale,
-                "v": RENDERER,
-            },
-            safe=",",
-        )
+        parts = {
+            "metric": self.metric,
+            "colormap_name": self.colormap,
+            "rescale": f"{limits[0]!r},{limits[1]!r}",
+            "scale": self.scale,
+        }
+        if self.heading is not None:
+            parts["heading"] = self.heading
+        return urlencode({**parts, "v": RENDERER}, safe=",")
+
+    def query_of_values(self) -> str:
+        """The part of the query that values depend on."""
+        heading = {} if self.heading is None else {"heading": self.heading}
+        return urlencode({"metric": self.metric, **heading, "v": RENDERER})
 
 
 def colours(
@@ -76,6 +82,7 @@ def colours(
         Literal["log", "linear"] | None,
         Query(description="Of the colours; default: linear for n_visible and validity, else log."),
     ] = None,
+    heading: HeadingQuery = None,
 ) -> Colours:
     """The colours that the query asks for.
 
@@ -91,6 +98,7 @@ def colours(
         colormap=colormap_name,
         limits=limits_of(rescale),
         scale=default_scale(metric) if scale is None else scale,
+        heading=heading,
     )
 
 
@@ -102,11 +110,17 @@ def kept_for(renderer: int | None) -> str:
     return IMMUTABLE if renderer == RENDERER else HOUR
 
 
-def _ready(service: Service, field: str, asked: Colours) -> FieldRecord:
+def _ready(service: Service, field: str, asked: Colours) -> tuple[FieldRecord, tuple[object, ...]]:
+    """The field, and everything that its colours depend on, normalised: a part of every tag."""
     record = service.store.ready_field(field)
     if asked.metric == "validity" and record.estimator == "all_visible":
         raise InvalidPicture("Validity is not known for fixes of all landmarks in view; draw another metric.")
-    return record
+    parts = {**asked.model_dump(), "heading": normal_heading(record, asked.heading)}
+    return record, (record.id, *parts.items())
+
+
+def _shown(service: Service, record: FieldRecord, asked: Colours) -> UncertaintyField:
+    return shown_field(service, record, normal_heading(record, asked.heading), asked.metric)
 
 
 @router.get(
@@ -117,15 +131,15 @@ def legend_values(
     field: str, request: Request, service: Service_, asked: Colours_, v: Renderer = None
 ) -> Response:
     """The colour scale of a field as values: of tiles, and of heatmaps with the same `rescale`."""
-    record = _ready(service, field, asked)
+    record, key = _ready(service, field, asked)
 
     def make() -> Response:
-        values = service.store.load_field(record.id)
+        values = _shown(service, record, asked)
         limits = whole_range(values, asked.metric, asked.limits, asked.scale)
         body = legend_to_json(asked.metric, asked.colormap, limits, asked.scale)
         return json_response({"field": record.id, **body})
 
-    return conditional(request, etag_of("legend", record.id, asked, RENDERER, "json"), kept_for(v), make)
+    return conditional(request, etag_of("legend", key, RENDERER, "json"), kept_for(v), make)
 
 
 @router.get(
@@ -142,25 +156,28 @@ def legend_picture(
     v: Renderer = None,
 ) -> Response:
     """The colour bar of a field, as it stands beside heatmaps."""
-    record = _ready(service, field, asked)
-    tag = etag_of("legend", record.id, asked, height, RENDERER, "png")
+    record, key = _ready(service, field, asked)
+    tag = etag_of("legend", key, height, RENDERER, "png")
 
     def make(values: UncertaintyField) -> bytes:
         limits = whole_range(values, asked.metric, asked.limits, asked.scale)
         doubtful = bool((values.has_fix & ~values.is_valid).any())
         return legend_png(asked.metric, asked.colormap, limits, asked.scale, height=height, doubtful=doubtful)
 
-    return conditional(request, tag, kept_for(v), lambda: _picture(service, record, tag, make))
+    return conditional(request, tag, kept_for(v), lambda: _picture(service, record, asked, tag, make))
 
 
 def _picture(
-    service: Service, record: FieldRecord, tag: str, make: Callable[[UncertaintyField], bytes]
+    service: Service,
+    record: FieldRecord,
+    asked: Colours,
+    tag: str,
+    make: Callable[[UncertaintyField], bytes],
 ) -> Response:
     png = service.pictures.get(tag)
     if png is None:
-        values = service.store.load_field(record.id)
         with service.turn():
-            png = make(values)
+            png = make(_shown(service, record, asked))
         service.pictures.put(tag, png)
     return Response(png, media_type="image/png")
 
@@ -177,10 +194,10 @@ def tilejson(
     field: str, request: Request, service: Service_, asked: Colours_, v: Renderer = None
 ) -> Response:
     """Where the tiles of a field are. Their addresses name the ends of the colours: all tiles share them."""
-    record = _ready(service, field, asked)
+    record, key = _ready(service, field, asked)
 
     def make() -> Response:
-        values = service.store.load_field(record.id)
+        values = _shown(service, record, asked)
         limits = whole_range(values, asked.metric, asked.limits, asked.scale)
         here, query = f"/v1/fields/{record.id}", asked.query(limits)
         tile = f"{here}/tiles/{{z}}/{{x}}/{{y}}"
@@ -191,7 +208,7 @@ def tilejson(
                 "name": f"{asked.metric} of {record.id}",
                 "scheme": "xyz",
                 "tiles": [f"{tile}.png?{query}"],
-                "arrays": [f"{tile}.npy?metric={asked.metric}&v={RENDERER}"],
+                "arrays": [f"{tile}.npy?{asked.query_of_values()}"],
                 "minzoom": 0,
                 "maxzoom": pyramid.max_zoom,
                 "tile_size": TILE_PX,
@@ -202,7 +219,7 @@ def tilejson(
             }
         )
 
-    return conditional(request, etag_of("tilejson", record.id, asked, RENDERER), kept_for(v), make)
+    return conditional(request, etag_of("tilejson", key, asked.heading, RENDERER), kept_for(v), make)
 
 
 def _require_tile(record: FieldRecord, z: int, x: int, y: int) -> None:
@@ -233,9 +250,9 @@ def tile_picture(
     v: Renderer = None,
 ) -> Response:
     """A tile of a field: x to the right, y down. Zoom 0: the whole map; the largest: a pixel is a cell."""
-    record = _ready(service, field, asked)
+    record, key = _ready(service, field, asked)
     _require_tile(record, z, x, y)
-    tag = etag_of("tile", record.id, z, x, y, asked, RENDERER, "png")
+    tag = etag_of("tile", key, z, x, y, RENDERER, "png")
 
     def make(values: UncertaintyField) -> bytes:
         limits = whole_range(values, asked.metric, asked.limits, asked.scale)
@@ -248,7 +265,7 @@ def tile_picture(
             scale=asked.scale,
         )
 
-    return conditional(request, tag, kept_for(v), lambda: _picture(service, record, tag, make))
+    return conditional(request, tag, kept_for(v), lambda: _picture(service, record, asked, tag, make))
 
 
 @router.get(
@@ -268,17 +285,18 @@ def tile_array(
     request: Request,
     service: Service_,
     metric: Annotated[Metric, METRIC] = "area95_m2",
+    heading: HeadingQuery = None,
     v: Renderer = None,
 ) -> Response:
     """The values of a tile. Row 0: lowest y."""
     record = service.store.ready_field(field)
     _require_tile(record, z, x, y)
+    which = normal_heading(record, heading)
 
     def make() -> Response:
-        values = service.store.load_field(record.id)
         with service.turn():
-            body = tile_npy(values, (z, x, y), metric)
+            body = tile_npy(shown_field(service, record, which, metric), (z, x, y), metric)
         return Response(body, media_type="application/octet-stream")
 
-    tag = etag_of("tile", record.id, z, x, y, metric, RENDERER, "npy")
+    tag = etag_of("tile", record.id, z, x, y, metric, which, RENDERER, "npy")
     return conditional(request, tag, kept_for(v), make)
