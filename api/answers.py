@@ -191,7 +191,9 @@ class Job(Answer):
     tiles: Tiles
     attempts: int
     error: str | None
-    eta_s: float | None = Field(description="Seconds left at the pace so far; null: not known.")
+    eta_s: float | None = Field(
+        description="Seconds left at the pace lately; null: not known, also while the field is written."
+    )
     created: str
     started: str | None
     ended: str | None

@@ -11,6 +11,7 @@ import numpy as np
 
 from api.codec import sensor_to_json
 from api.codec_plan import number, triplet_names
+from api.pace import Pace
 from api.store_records import FieldRecord, JobRecord, JobStatus, MapRecord
 from localization import covariance as cov
 from localization.kernels.coverage import NOMINAL_SHARE
@@ -150,12 +151,14 @@ def ordered_to_json(record: FieldRecord, job: JobRecord | None) -> dict[str, Any
     }
 
 
-def job_to_json(record: JobRecord, left: float | None = None) -> dict[str, Any]:
-    """State and progress of a job; ``left``: seconds by its pace lately, else the pace so far counts."""
-    running = record.status is JobStatus.RUNNING and record.started is not None
-    if left is None and running and record.started is not None and 0 < record.done < record.total:
-        left = max(0.0, time.time() - record.started) * (record.total - record.done) / record.done
-    eta = round(left, 1) if running and left is not None else None
+def job_to_json(record: JobRecord, pace: Pace | None = None) -> dict[str, Any]:
+    """State and progress of a job; without its pace lately, that since its start counts."""
+    eta = None
+    if record.status is JobStatus.RUNNING and record.started is not None:
+        if pace is not None:
+            eta = pace.left(time.monotonic())
+        elif 0 < record.done < record.total:
+            eta = max(0.0, time.time() - record.started) * (record.total - record.done) / record.done
     return {
         "job": record.id,
         "field": record.field_id,
@@ -163,7 +166,7 @@ def job_to_json(record: JobRecord, left: float | None = None) -> dict[str, Any]:
         "tiles": {"done": record.done, "total": record.total},
         "attempts": record.attempts,
         "error": record.error,
-        "eta_s": eta,
+        "eta_s": None if eta is None else round(eta, 1),
         "created": rfc3339(record.created),
         "started": rfc3339(record.started),
         "ended": rfc3339(record.ended),

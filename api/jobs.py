@@ -162,10 +162,9 @@ class JobRunner:
                 self._changed.notify_all()
         return record
 
-    def seconds_left(self, job_id: str) -> float | None:
-        """How long a job that is computed here will still take, s; None: not known."""
-        pace = self._paces.get(job_id)
-        return None if pace is None else pace.left(time.monotonic())
+    def pace_of(self, job_id: str) -> Pace | None:
+        """The pace of a job that is computed here."""
+        return self._paces.get(job_id)
 
     # --- the threads ------------------------------------------------------------------------------
 

@@ -51,7 +51,7 @@ def read_job(job: str, service: Service_) -> Response:
 
 
 def _body(service: Service, record: JobRecord) -> dict[str, Any]:
-    return job_to_json(record, service.jobs.seconds_left(record.id))
+    return job_to_json(record, service.jobs.pace_of(record.id))
 
 
 def _place(service: Service_) -> Iterator[None]:

@@ -115,7 +115,7 @@ class IdleJobs:
             map_id, sensor, resolution, heading, method=method, headings=headings
         )
 
-    def seconds_left(self, job_id):
+    def pace_of(self, job_id):
         return None
 
     def dismiss(self, job_id):

@@ -9,6 +9,7 @@ from contextlib import ExitStack
 from functools import partial
 
 from api import answers
+from api.pace import Pace
 from api.routes import jobs as routes
 from tests.api.conftest import LASER, finish, problem_of
 
@@ -145,6 +146,11 @@ def test_a_silent_job_is_heard_from(client, room, monkeypatch):
 
 def test_the_time_left_is_that_of_the_runner(client, room, monkeypatch):
     job = _order(client)
-    client.app.state.service.store.claim_job(job)
-    monkeypatch.setattr(client.app.state.service.jobs, "seconds_left", lambda _: 12.34)
+    store, pace = client.app.state.service.store, Pace()
+    store.claim_job(job)
+    store.set_progress(job, 1, 4000)
+    monkeypatch.setattr(client.app.state.service.jobs, "pace_of", lambda _: pace)
+    pace.note(1, 4000, time.monotonic())
+    assert client.get(f"/v1/jobs/{job}").json()["eta_s"] is None, "one step says nothing about the rest"
+    monkeypatch.setattr(pace, "left", lambda _: 12.34)
     assert client.get(f"/v1/jobs/{job}").json()["eta_s"] == 12.3
