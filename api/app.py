@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import logging
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
 from types import FrameType
 
@@ -13,6 +14,8 @@ from fastapi.exceptions import RequestValidationError
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
+from starlette.routing import BaseRoute, Match
+from starlette.types import Scope
 
 from api import docs_page, landing_page, openapi, page_parts
 from api.dependencies import Service
@@ -113,9 +116,26 @@ def create_app(settings: Settings, *, pool: WorkerPool | None = None) -> FastAPI
 def _answer_error(request: Request, error: Exception) -> Response:
     """The one exception handler."""
     problem = Problem.of_exception(error)
+    if problem.code == "method_not_allowed":
+        # The first route with this path knows its own methods only.
+        allowed = methods_of(request.app.routes, request.scope)
+        problem = dataclasses.replace(problem, headers={**problem.headers, "Allow": ", ".join(allowed)})
     if problem.status >= 500:
         log.warning("%s %s: %s", request.method, request.url.path, error)
     return problem.response(request.url.path, request.state.request_id)
+
+
+def methods_of(routes: Iterable[BaseRoute], scope: Scope) -> list[str]:
+    """Methods of all routes with the path of a request."""
+    found: set[str] = set()
+    for route in routes:
+        # FastAPI keeps the routers that were included, each with its routes.
+        router = getattr(route, "original_router", None)
+        if router is not None:
+            found |= set(methods_of(router.routes, scope))
+        elif route.matches(scope)[0] is not Match.NONE:
+            found |= getattr(route, "methods", None) or set()
+    return sorted(found)
 
 
 def _start(settings: Settings, pool: WorkerPool | None) -> Service:

@@ -54,10 +54,10 @@ def statistics(
         If the area crosses itself.
     """
     if area is not None:
-        if not area.is_valid or area.area <= 0:
-            raise InvalidGeometry(
-                f"A polygon is not one: {shapely.is_valid_reason(area)}; rings must not cross themselves."
-            )
+        with np.errstate(all="ignore"):  # far away, shapely's sums overflow
+            bad = None if area.is_valid and 0 < area.area < math.inf else shapely.is_valid_reason(area)
+        if bad is not None:
+            raise InvalidGeometry(f"A polygon is not one: {bad}; rings must not cross themselves.")
         x0, y0, x1, y1 = field.frame.bounds()
         if not area.intersects(shapely.box(x0, y0, x1, y1)):
             return _figures(field, metric, None, None, percentiles, bins, scale)

@@ -15,6 +15,8 @@ from localization.sensors import Sensor
 
 #: Deadline of a question that names none, s.
 DEFAULT_DEADLINE_S = 5.0
+#: Less is not enough to read a large map.
+LEAST_DEADLINE_S = 1.0
 LandmarkId = Annotated[str, Field(min_length=1, max_length=200)]
 Three = Annotated[list[LandmarkId], Field(min_length=3, max_length=3)]
 _TURN = 2 * math.pi
@@ -51,7 +53,7 @@ class WhereIn(Request):
     sensor: SensorOrPreset | None = None
     deadline_s: Positive | None = Field(
         default=None,
-        description="Time for the answer, s (default 5, at least 0.05, at most 30; clamped).",
+        description="Time for the answer, s (default 5, at least 1, at most 30; clamped).",
     )
 
     @model_validator(mode="after")
@@ -68,7 +70,8 @@ class WhereIn(Request):
 
     def deadline(self, ceiling: float) -> float:
         """Seconds for the answer."""
-        return clamped_deadline(self.deadline_s, DEFAULT_DEADLINE_S, ceiling)[0]
+        asked = self.deadline_s and max(self.deadline_s, LEAST_DEADLINE_S)
+        return clamped_deadline(asked, DEFAULT_DEADLINE_S, ceiling)[0]
 
 
 _AT: dict[str, Any] = {"map": "warehouse", "sensor": "laser", "pose": {"x_m": 30.0, "y_m": 8.0}}

@@ -28,6 +28,29 @@ log = logging.getLogger("surepath.events")
 POLL_S = 0.25
 PING_S = 15.0
 _RETRY_MS = 2000
+#: In the words of OpenAPI 3.2, as FastAPI has them for its own streams.
+_EVENT: dict[str, Any] = {
+    "type": "object",
+    "required": ["event", "data", "id"],
+    "properties": {
+        "event": {"enum": ["progress", "tile", "done"]},
+        "id": {"type": "string"},
+        "data": {
+            "type": "string",
+            "contentMediaType": "application/json",
+            "contentSchema": {
+                "anyOf": [
+                    {"$ref": "#/components/schemas/Job"},
+                    {
+                        "type": "object",
+                        "properties": {"done": {"type": "integer"}, "total": {"type": "integer"}},
+                        "required": ["done", "total"],
+                    },
+                ]
+            },
+        },
+    },
+}
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
@@ -68,7 +91,7 @@ def _place(service: Service_) -> Iterator[None]:
         200: {
             "description": "`progress` and `done` carry the job, as GET /v1/jobs/{job} gives it; `tile` "
             "carries `done` and `total`.",
-            "content": {"text/event-stream": {"schema": {"type": "string"}}},
+            "content": {"text/event-stream": {"itemSchema": _EVENT}},
         },
         204: {"description": "The client has seen the end already; nothing will follow."},
         **problems("not_found", "store_unavailable"),

@@ -30,6 +30,20 @@ def test_other_methods(gallery):
     assert problem["instance"] == "/v1/plans"
 
 
+@pytest.mark.parametrize(
+    ("path", "allowed"),
+    [
+        ("/v1/maps/room/landmarks", "GET, PUT"),
+        ("/v1/maps", "GET, POST"),
+        ("/v1/fields/f_1/statistics", "GET, POST"),
+    ],
+)
+def test_other_methods_are_told_which_there_are(gallery, path, allowed):
+    answer = gallery.client.request("PATCH", path)
+    problem_of(answer, 405, "method_not_allowed")
+    assert answer.headers["allow"] == allowed
+
+
 def test_large_bodies(gallery):
     answer = gallery.client.post(
         "/v1/plans", content=b"x" * 100_001, headers={"content-type": "application/json"}

@@ -129,6 +129,7 @@ def test_statistics_of_areas(gallery):
         ({"areas": [SQUARE], "percentiles": [101]}, "invalid_request"),
         ({"areas": [{**SQUARE, "coordinates": [[[0, 0], [2, 2], [2, 0], [0, 2]]]}]}, "invalid_geometry"),
         ({"areas": [{**SQUARE, "coordinates": [[[0, 0], [1, 1], [2, 2]]]}]}, "invalid_geometry"),
+        ({"areas": [{**SQUARE, "coordinates": [[[0, 0], [1e308, 0], [1e308, 1e308]]]}]}, "invalid_geometry"),
     ],
 )
 def test_wrong_areas(gallery, body, code):
