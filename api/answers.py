@@ -7,6 +7,7 @@ from typing import Any
 from pydantic import Field
 
 from api.answers_base import Answer
+from api.answers_places import Ranking
 from api.answers_schedule import ScheduleFigures, Stretch
 
 
@@ -24,7 +25,8 @@ class Problem(Answer):
         description="Places: pointer (JSON pointer into the body) or parameter, and detail."
     )
     hint: dict[str, Any] = Field(
-        description="What would help: nearest_free; job to wait for; order, a body for POST /v1/fields."
+        description="What would help: nearest_free; job to wait for; map, the newest version; order, a body "
+        "for POST /v1/fields."
     )
     limit: float | None
     requested: float | None
@@ -36,6 +38,12 @@ class Place(Answer):
 
     x_m: float
     y_m: float
+
+
+class Pose(Place):
+    """A place, and a heading if one was given."""
+
+    theta_rad: float | None
 
 
 class Bounds(Answer):
@@ -83,6 +91,23 @@ class MapUploaded(Map):
     """The map that was uploaded, and what may cause trouble."""
 
     findings: list[Finding]
+
+
+class MapEdited(MapUploaded):
+    """A map with other landmarks."""
+
+    landmarks_etag: str = Field(description="ETag of its landmarks: If-Match of the next change.")
+
+
+class Snapped(Answer):
+    """Where a robot fits."""
+
+    map: str
+    asked: Place
+    radius_m: float
+    pose: Pose | None = Field(description="null: the robot fits nowhere.")
+    moved_m: float | None = Field(description="From what was asked for; 0: the robot fits there.")
+    clearance_m: float | None = Field(description="Distance of the pose from the nearest obstacle.")
 
 
 class Maps(Answer):
@@ -135,6 +160,7 @@ class UncertaintyField(Answer):
     sensor: dict[str, Any] = Field(description="In rad; what POST /v1/fields takes.")
     resolution_m: float
     heading_rad: float
+    headings: int = Field(description="Evenly spaced from 0 on; 1: heading_rad alone.")
     estimator: str = Field(description="best_triplet or all_visible.")
     criterion: str = Field(description="area, max_axis or trace.")
     origin: dict[str, float] = Field(description="Outer corner of cell (0, 0) and yaw of the grid.")
@@ -165,7 +191,9 @@ class Job(Answer):
     tiles: Tiles
     attempts: int
     error: str | None
-    eta_s: float | None = Field(description="Seconds left at the pace so far; null: not known.")
+    eta_s: float | None = Field(
+        description="Seconds left at the pace lately; null: not known, also while the field is written."
+    )
     created: str
     started: str | None
     ended: str | None
@@ -176,6 +204,16 @@ class Jobs(Answer):
     """All jobs, newest first."""
 
     jobs: list[Job]
+
+
+class HeadingAt(Answer):
+    """A place at one of the headings of a field."""
+
+    theta_rad: float
+    state: str = Field(description="fix, no_fix or occupied.")
+    area95_m2: float | None
+    r95_m: float | None
+    n_visible: int
 
 
 class PointValue(Answer):
@@ -203,6 +241,13 @@ class PointValue(Answer):
     )
     pan_rad: float | None = Field(description="Optical axis relative to the heading.")
     n_visible: int
+    heading_rad: float = Field(description="For which all this holds; of a field over headings one of them.")
+    headings: list[HeadingAt] | None = Field(
+        description="What each heading gives here; null for a field of one heading, and outside."
+    )
+    ranking: Ranking | None = Field(
+        description="At the middle of the cell, where `ranking` asks for it; null otherwise, and outside."
+    )
 
 
 class Uncertainty(Answer):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 import logging
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
+from types import FrameType
 
 import uvicorn
 from fastapi import FastAPI, Request
@@ -12,13 +14,28 @@ from fastapi.exceptions import RequestValidationError
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
+from starlette.routing import BaseRoute, Match
+from starlette.types import Scope
 
 from api import docs_page, landing_page, openapi, page_files, page_parts
 from api.dependencies import Service
 from api.errors import Problem
 from api.jobs import JobRunner
 from api.middleware import Outermost
-from api.routes import fields, health, heatmaps, jobs, many, maps, plans
+from api.routes import (
+    evaluations,
+    fields,
+    health,
+    heatmaps,
+    jobs,
+    landmarks,
+    many,
+    maps,
+    places,
+    plans,
+    statistics,
+    tiles,
+)
 from api.settings import Settings
 from api.store import Store
 from api.workers import WorkerPool
@@ -67,10 +84,15 @@ def create_app(settings: Settings, *, pool: WorkerPool | None = None) -> FastAPI
     )
     for module in (
         maps,
+        landmarks,
         fields,
         heatmaps,
+        statistics,
+        tiles,
+        evaluations,
         plans,
         many,
+        places,
         jobs,
         health,
         openapi,
@@ -95,9 +117,26 @@ def create_app(settings: Settings, *, pool: WorkerPool | None = None) -> FastAPI
 def _answer_error(request: Request, error: Exception) -> Response:
     """The one exception handler."""
     problem = Problem.of_exception(error)
+    if problem.code == "method_not_allowed":
+        # The first route with this path knows its own methods only.
+        allowed = methods_of(request.app.routes, request.scope)
+        problem = dataclasses.replace(problem, headers={**problem.headers, "Allow": ", ".join(allowed)})
     if problem.status >= 500:
         log.warning("%s %s: %s", request.method, request.url.path, error)
     return problem.response(request.url.path, request.state.request_id)
+
+
+def methods_of(routes: Iterable[BaseRoute], scope: Scope) -> list[str]:
+    """Methods of all routes with the path of a request."""
+    found: set[str] = set()
+    for route in routes:
+        # FastAPI keeps the routers that were included, each with its routes.
+        router = getattr(route, "original_router", None)
+        if router is not None:
+            found |= set(methods_of(router.routes, scope))
+        elif route.matches(scope)[0] is not Match.NONE:
+            found |= getattr(route, "methods", None) or set()
+    return sorted(found)
 
 
 def _start(settings: Settings, pool: WorkerPool | None) -> Service:
@@ -144,4 +183,15 @@ def serve(settings: Settings) -> None:
         timeout_graceful_shutdown=_GRACE_S,
         lifespan="on",
     )
-    uvicorn.Server(config).run()
+    _Server(config).run()
+
+
+class _Server(uvicorn.Server):
+    """Ends event streams at the first signal; they would keep the server waiting otherwise."""
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """Stop, at once what would go on for long."""
+        service = getattr(getattr(self.config.app, "state", None), "service", None)
+        if service is not None:
+            service.stopping.set()
+        super().handle_exit(sig, frame)

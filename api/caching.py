@@ -27,6 +27,15 @@ def matches(request: Request, tag: str) -> bool:
     return any(part.strip().removeprefix("W/") in {f'"{tag}"', "*"} for part in given.split(","))
 
 
+def if_match(request: Request) -> Callable[[str], bool] | None:
+    """What If-Match says of a tag (strong comparison, RFC 9110); None if there is no such header."""
+    given = request.headers.get("if-match")
+    if given is None:
+        return None
+    parts = {part.strip() for part in given.split(",")}
+    return lambda tag: "*" in parts or f'"{tag}"' in parts
+
+
 def conditional(request: Request, tag: str, cache_control: str, make: Callable[[], Response]) -> Response:
     """304 without a body if the client holds the entity, else what ``make`` gives, with its tag."""
     answer = Response(status_code=304) if matches(request, tag) else make()

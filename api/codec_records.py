@@ -11,6 +11,7 @@ import numpy as np
 
 from api.codec import sensor_to_json
 from api.codec_plan import number, triplet_names
+from api.pace import Pace
 from api.store_records import FieldRecord, JobRecord, JobStatus, MapRecord
 from localization import covariance as cov
 from localization.kernels.coverage import NOMINAL_SHARE
@@ -92,6 +93,9 @@ def field_to_json(record: FieldRecord) -> dict[str, Any]:
         "heatmap": f"{here}/heatmap.png",
         "values": f"{here}/heatmap.npy",
         "point": f"{here}/point",
+        "statistics": f"{here}/statistics",
+        "tiles": f"{here}/tilejson.json",
+        "legend": f"{here}/legend.json",
     }
     if record.job is not None:
         links["job"] = f"/v1/jobs/{record.job}"
@@ -103,6 +107,7 @@ def field_to_json(record: FieldRecord) -> dict[str, Any]:
         "sensor": sensor_to_json(record.sensor),
         "resolution_m": frame.resolution,
         "heading_rad": record.heading,
+        "headings": record.headings,
         "estimator": record.estimator,
         "criterion": record.criterion,
         "origin": {"x_m": frame.origin_x, "y_m": frame.origin_y, "yaw_rad": frame.yaw},
@@ -126,6 +131,7 @@ def order_to_json(record: FieldRecord) -> dict[str, Any]:
         "sensor": sensor_to_json(record.sensor),
         "resolution_m": record.resolution,
         "heading_rad": record.heading,
+        "headings": record.headings,
         "estimator": record.estimator,
         "criterion": record.criterion,
     }
@@ -145,12 +151,14 @@ def ordered_to_json(record: FieldRecord, job: JobRecord | None) -> dict[str, Any
     }
 
 
-def job_to_json(record: JobRecord) -> dict[str, Any]:
-    """State and progress of a job."""
+def job_to_json(record: JobRecord, pace: Pace | None = None) -> dict[str, Any]:
+    """State and progress of a job; without its pace lately, that since its start counts."""
     eta = None
-    if record.status is JobStatus.RUNNING and record.started is not None and 0 < record.done <= record.total:
-        elapsed = max(0.0, time.time() - record.started)
-        eta = round(elapsed * (record.total - record.done) / record.done, 1)
+    if record.status is JobStatus.RUNNING and record.started is not None:
+        if pace is not None:
+            eta = pace.left(time.monotonic())
+        elif 0 < record.done < record.total:
+            eta = max(0.0, time.time() - record.started) * (record.total - record.done) / record.done
     return {
         "job": record.id,
         "field": record.field_id,
@@ -158,11 +166,15 @@ def job_to_json(record: JobRecord) -> dict[str, Any]:
         "tiles": {"done": record.done, "total": record.total},
         "attempts": record.attempts,
         "error": record.error,
-        "eta_s": eta,
+        "eta_s": None if eta is None else round(eta, 1),
         "created": rfc3339(record.created),
         "started": rfc3339(record.started),
         "ended": rfc3339(record.ended),
-        "links": {"self": f"/v1/jobs/{record.id}", "field": f"/v1/fields/{record.field_id}"},
+        "links": {
+            "self": f"/v1/jobs/{record.id}",
+            "events": f"/v1/jobs/{record.id}/events",
+            "field": f"/v1/fields/{record.field_id}",
+        },
     }
 
 
@@ -206,6 +218,9 @@ def point_to_json(field: UncertaintyField, x: float, y: float) -> dict[str, Any]
         "triplet": triplet_names(field.triplet[row, col], field.world.landmarks.ids),
         "pan_rad": number(float(field.pan[row, col])) if fix else None,
         "n_visible": n_visible,
+        "heading_rad": field.heading,
+        "headings": None,
+        "ranking": None,
     }
 
 

@@ -33,6 +33,7 @@ CODES: dict[str, tuple[int, str]] = {
     "field_not_ready": (409, "The field is not computed yet"),
     "in_use": (409, "Something else still needs it"),
     "job_ended": (409, "The job has already ended"),
+    "version_changed": (412, "It was changed by somebody else meanwhile"),
     "too_large": (413, "The request is too large"),
     "unsupported_media": (415, "The content type is not one of those taken here"),
     "invalid_request": (422, "The request is not valid"),
@@ -51,6 +52,7 @@ CODES: dict[str, tuple[int, str]] = {
     "goal_occupied": (422, "The robot does not fit at the goal"),
     "via_outside_map": (422, "A via point is not on the map"),
     "via_occupied": (422, "The robot does not fit at a via point"),
+    "if_match_required": (428, "If-Match is needed here"),
     "overloaded": (503, "The service is busy"),
     "deadline_exceeded": (503, "Nothing was ready at the deadline"),
     "store_unavailable": (503, "The store does not answer"),
@@ -90,6 +92,10 @@ class Busy(maps.SurepathError):
     """Too many requests want the processor at once."""
 
 
+class IfMatchRequired(maps.SurepathError):
+    """A change that must say what it was made from."""
+
+
 class JobEnded(maps.SurepathError):
     """A job that has ended cannot be dismissed."""
 
@@ -103,9 +109,11 @@ TABLE: dict[type[Exception], tuple[str, str | None]] = {
     worker.WorkerError: ("overloaded", None),
     Busy: ("overloaded", None),
     JobEnded: ("job_ended", None),
+    IfMatchRequired: ("if_match_required", None),
     store.NotFound: ("not_found", None),
     store.InUse: ("in_use", None),
     store.FieldNotReady: ("field_not_ready", None),
+    store.VersionChanged: ("version_changed", None),
     store.StorageFull: ("storage_full", None),
     store.StoreUnavailable: ("store_unavailable", None),
     maps.MapTooLarge: ("too_large", None),
@@ -144,7 +152,8 @@ class Problem:
     errors
         Places in the request: ``{"pointer": "#/goal", "detail": …}`` or ``{"parameter": …, …}``.
     hint
-        What would help: ``nearest_free``; ``job`` to wait for; ``order``, a body for ``POST /v1/fields``.
+        What would help: ``nearest_free``; ``job`` to wait for; ``map``, the newest version; ``order``, a body
+        for ``POST /v1/fields``.
     limit, requested, setting
         The limit that is exceeded, by what, and the setting that moves it.
     headers
@@ -193,6 +202,8 @@ class Problem:
             more["hint"] = {"nearest_free": {"x_m": free[0], "y_m": free[1]}}
         if (job := getattr(error, "job", None)) is not None:
             more["hint"] = {"job": f"/v1/jobs/{job}"}
+        if (newest := getattr(error, "newest", None)) is not None:
+            more["hint"] = {"map": f"/v1/maps/{newest}"}
         if (order := getattr(error, "order", None)) is not None:
             more["hint"] = {**more.get("hint", {}), "order": order}
         return cls.of_code(code, detail, **more)

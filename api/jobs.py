@@ -7,11 +7,12 @@ import math
 import threading
 import time
 
+from api.pace import Pace
 from api.settings import LimitExceeded, Settings
 from api.store import FieldRecord, JobRecord, JobStatus, Store, StoreUnavailable
 from api.worker_process import WorkerError
 from api.workers import FieldOrder, TaskCrashed, WorkerPool
-from localization.errors import Cancelled
+from localization.errors import Cancelled, InvalidSensor
 from localization.method import BEST_AREA, FieldMethod
 from localization.sensors import Sensor
 from maps.errors import SurepathError
@@ -48,6 +49,7 @@ class JobRunner:
         self._changed = threading.Condition()
         self._dismissed: set[str] = set()
         self._current: set[str] = set()
+        self._paces: dict[str, Pace] = {}
         self._stopping = False
         self._news = False
         self._threads = [
@@ -78,6 +80,7 @@ class JobRunner:
         heading: float = 0.0,
         *,
         method: FieldMethod = BEST_AREA,
+        headings: int = 1,
     ) -> tuple[FieldRecord, JobRecord | None]:
         """Ask for a field; the same content is never computed twice.
 
@@ -87,6 +90,8 @@ class JobRunner:
             Of a stored map.
         sensor, resolution, heading, method
             As of :func:`localization.field_builder.build_field`: m, rad.
+        headings
+            How many evenly spaced headings; 1: ``heading`` alone.
 
         Returns
         -------
@@ -101,6 +106,8 @@ class JobRunner:
             If there is no such map.
         TooFewLandmarks, InvalidGeometry
             If the map or the resolution admits no field.
+        InvalidSensor
+            If it sees the same at every heading, and several are wanted.
         LimitExceeded
             If the field would be too large.
         StorageFull
@@ -108,18 +115,22 @@ class JobRunner:
         """
         world = self._store.world(map_id)
         world.require_triangulation()
-        self._require_size(world, resolution)
-        found = self._store.add_field_request(map_id, sensor, resolution, heading, method=method)
+        if headings > 1 and not sensor.depends_on_heading:
+            raise InvalidSensor("This sensor sees the same at every heading; leave headings out.")
+        self._require_size(world, resolution, headings)
+        found = self._store.add_field_request(
+            map_id, sensor, resolution, heading, method=method, headings=headings
+        )
         with self._changed:
             self._news = True
             self._changed.notify_all()
         return found
 
-    def _require_size(self, world: World, resolution: float) -> None:
+    def _require_size(self, world: World, resolution: float, headings: int) -> None:
         if not (math.isfinite(resolution) and resolution > 0):
             return  # the frame will say it better
         x0, y0, x1, y1 = world.bounds
-        cells = math.ceil((x1 - x0) / resolution) * math.ceil((y1 - y0) / resolution)
+        cells = math.ceil((x1 - x0) / resolution) * math.ceil((y1 - y0) / resolution) * headings
         by_memory = self._settings.max_field_bytes // BUILD_BYTES_PER_CELL
         limit = min(self._settings.max_field_cells, by_memory)
         if cells <= limit:
@@ -128,7 +139,8 @@ class JobRunner:
         setting = f"SUREPATH_{name.upper()}"
         enough = resolution * math.sqrt(cells / limit) * 1.01
         raise LimitExceeded(
-            f"At {resolution:g} m the field of '{world.name}' has {cells} cells, the limit is {limit} "
+            f"At {resolution:g} m the field of '{world.name}' has {cells} cells"
+            f"{f' at {headings} headings' if headings > 1 else ''}, the limit is {limit} "
             f"({setting}); use a resolution of {enough:.2g} m or more.",
             limit=limit,
             requested=cells,
@@ -150,6 +162,10 @@ class JobRunner:
                 self._changed.notify_all()
         return record
 
+    def pace_of(self, job_id: str) -> Pace | None:
+        """The pace of a job that is computed here."""
+        return self._paces.get(job_id)
+
     # --- the threads ------------------------------------------------------------------------------
 
     def _run(self) -> None:
@@ -168,6 +184,7 @@ class JobRunner:
                     with self._changed:
                         self._current.discard(job.id)
                         self._dismissed.discard(job.id)
+                        self._paces.pop(job.id, None)
             except Exception:
                 log.exception("the job runner goes on after an error")
                 time.sleep(1.0)
@@ -187,6 +204,7 @@ class JobRunner:
 
     def _do(self, job: JobRecord) -> None:
         staged = self._store.staging_path(job.id)
+        pace = self._paces[job.id] = Pace()
         try:
             field = self._store.field(job.field_id)
             order = FieldOrder(
@@ -196,12 +214,15 @@ class JobRunner:
                 sensor=field.sensor,
                 resolution=field.resolution,
                 heading=field.heading,
+                headings=field.headings,
                 method=field.method,
                 threads=self._settings.workers,
                 max_cells=self._settings.max_field_cells,
             )
             size, checksum = self._pool.build(
-                order, on_progress=_Noter(self._store, job.id), cancelled=lambda: self._cancelled(job.id)
+                order,
+                on_progress=_Noter(self._store, job.id, pace),
+                cancelled=lambda: self._cancelled(job.id),
             )
             if self._store.commit_field(job.id, staged, size=size, checksum=checksum):
                 self._pool.prefetch(self._store.field_path(field.id))
@@ -232,15 +253,17 @@ class JobRunner:
 class _Noter:
     """Writes progress to the store, not more often than four times a second."""
 
-    def __init__(self, store: Store, job_id: str) -> None:
+    def __init__(self, store: Store, job_id: str, pace: Pace) -> None:
         self._store = store
         self._job_id = job_id
+        self._pace = pace
         self._last = -math.inf
 
     def __call__(self, done: int, total: int) -> None:
         now = time.monotonic()
         if done >= total or now - self._last >= _PROGRESS_S:
             self._last = now
+            self._pace.note(done, total, now)
             try:
                 self._store.set_progress(self._job_id, done, total)
             except SurepathError as error:

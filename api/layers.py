@@ -121,6 +121,11 @@ def _unit_interval(values: FloatArray, lo: float, hi: float, scale: str) -> Floa
     return np.asarray(np.clip(t, 0.0, 1.0))
 
 
+def position(value: float, limits: tuple[float, float], scale: str) -> float:
+    """Where a value stands on a scale: 0 and below at its start, 1 and above at its end."""
+    return float(_unit_interval(np.asarray(value, dtype=np.float64), *limits, scale))
+
+
 def paint_field(
     image: Image.Image,
     view: View,
@@ -133,23 +138,55 @@ def paint_field(
     opacity: float = 1.0,
 ) -> None:
     """Colour the free cells by a metric; cells without a fix are hatched, doubtful ones have fine stripes."""
-    rows, cols, on = cells_on(field.frame.cell_at(view.pixel_centres()), field.frame.shape)
-    values = field.metric(metric, (rows, cols))
-    free = on & field.free[rows, cols]
-    t = _unit_interval(np.nan_to_num(values, nan=limits[0]), *limits, scale)
-    colors = COLORMAPS[colormap][(t * 255.0 + 0.5).astype(np.uint8)]
-    stripe = (np.add.outer(np.arange(view.height), np.arange(view.width)) % 8) < 2
-    hatch = np.where(
-        stripe[..., None], np.array(_NO_FIX[1], dtype=np.uint8), np.array(_NO_FIX[0], dtype=np.uint8)
+    colors, free = field_colors(
+        field, view.pixel_centres(), metric=metric, colormap=colormap, limits=limits, scale=scale
     )
-    fine = (np.subtract.outer(np.arange(view.height), np.arange(view.width)) % 6) < 1
-    doubtful = fine & is_doubtful(field, (rows, cols))
-    colors = np.where(doubtful[..., None], np.array(_DOUBTFUL, dtype=np.uint8), colors)
-    colors = np.where(np.isfinite(values)[..., None], colors, hatch)
     box = _box(view)
     below = np.asarray(image.crop((box[0], box[1], box[2] + 1, box[3] + 1)))
     mixed = np.where(free[..., None], colors * opacity + below * (1.0 - opacity), below)
     image.paste(Image.fromarray(mixed.astype(np.uint8)), (view.left, view.top))
+
+
+def field_colors(
+    field: UncertaintyField,
+    places: FloatArray,
+    *,
+    metric: str,
+    colormap: str,
+    limits: tuple[float, float],
+    scale: str,
+    corner: tuple[int, int] = (0, 0),
+) -> tuple[ByteArray, BoolArray]:
+    """Colours of a metric at places, hatching and stripes included, and where there is free floor.
+
+    Parameters
+    ----------
+    places
+        Shape (height, width, 2): of pixels, W, m.
+    corner
+        Row and column of the first pixel in a larger picture: patterns go on from tile to tile.
+
+    Returns
+    -------
+    colors
+        Shape (height, width, 3).
+    free
+        Shape (height, width): elsewhere the colours mean nothing.
+    """
+    rows, cols, on = cells_on(field.frame.cell_at(places), field.frame.shape)
+    values = field.metric(metric, (rows, cols))
+    free = on & field.free[rows, cols]
+    t = _unit_interval(np.nan_to_num(values, nan=limits[0]), *limits, scale)
+    colors = COLORMAPS[colormap][(t * 255.0 + 0.5).astype(np.uint8)]
+    down, right = (np.arange(n) + first for n, first in zip(on.shape, corner, strict=True))
+    stripe = (np.add.outer(down, right) % 8) < 2
+    hatch = np.where(
+        stripe[..., None], np.array(_NO_FIX[1], dtype=np.uint8), np.array(_NO_FIX[0], dtype=np.uint8)
+    )
+    fine = (np.subtract.outer(down, right) % 6) < 1
+    doubtful = fine & is_doubtful(field, (rows, cols))
+    colors = np.where(doubtful[..., None], np.array(_DOUBTFUL, dtype=np.uint8), colors)
+    return np.where(np.isfinite(values)[..., None], colors, hatch), free
 
 
 def is_doubtful(field: UncertaintyField, at: tuple[IntArray, IntArray]) -> BoolArray:

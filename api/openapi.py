@@ -42,6 +42,10 @@ TAGS: list[dict[str, Any]] = [
     {"name": "fields", "description": "Localization uncertainty of every place of a map for a sensor."},
     {"name": "heatmaps", "description": "Fields as pictures and arrays."},
     {"name": "plans", "description": "Paths through a field."},
+    {
+        "name": "places",
+        "description": "Which landmarks serve at a pose, and where a robot is that sees them.",
+    },
     {"name": "jobs", "description": "Computations that take a while."},
     {"name": "service", "description": "Health, limits, versions."},
 ]

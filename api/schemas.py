@@ -21,6 +21,7 @@ from api.schemas_parts import (
     StartIn,
 )
 from api.schemas_sensor import SensorOrPreset, to_sensor
+from localization.heading_field import MAX_HEADINGS
 from localization.method import FieldMethod
 from localization.sensors import Sensor
 from planner.problem import MAX_AREAS, MAX_DEADLINE_S, MAX_VIA, MIN_DEADLINE_S, PlanningProblem
@@ -39,7 +40,10 @@ class FieldIn(Request):
 
     model_config = ConfigDict(
         json_schema_extra={
-            "examples": [{"map": "warehouse", "resolution_m": 0.1, "sensor": _SENSOR_EXAMPLE}],
+            "examples": [
+                {"map": "warehouse", "resolution_m": 0.1, "sensor": _SENSOR_EXAMPLE},
+                {"map": "warehouse", "resolution_m": 0.5, "sensor": "forward", "headings": 12},
+            ],
         }
     )
 
@@ -56,6 +60,13 @@ class FieldIn(Request):
         ge=-2 * math.pi,
         le=2 * math.pi,
     )
+    headings: int = Field(
+        default=1,
+        ge=1,
+        le=MAX_HEADINGS,
+        description="So many evenly spaced headings from 0 on, for sensors to which they matter: plans drive "
+        "by the heading then. Cells count once for each; 36 will do for a camera.",
+    )
     estimator: Literal["best_triplet", "all_visible"] = Field(
         default="best_triplet",
         description="What a fix is made of: the best three landmarks in view, or all of them together "
@@ -66,6 +77,12 @@ class FieldIn(Request):
         description="What the best triplet, and where a pan head looks, make smallest: area or major axis of "
         "the 95 % ellipse, or the sum of the position variances.",
     )
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.headings > 1 and self.heading_rad:
+            raise ValueError("give heading_rad or headings, not both")
+        return self
 
     def to_sensor(self) -> Sensor:
         """The sensor; raises :class:`~localization.errors.InvalidSensor` on impossible numbers."""

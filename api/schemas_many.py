@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal, Self, get_args
 
 import numpy as np
@@ -32,7 +33,7 @@ Metric = Literal["cost", "length_m", "duration_s", "mean_r95_m", "worst_r95_m", 
 METRICS: tuple[Metric, ...] = get_args(Metric)
 
 
-class _Question(Request):
+class Question(Request):
     """What questions about many places have in common. Give ``field``, or ``map`` for its newest one."""
 
     field: FieldId | None = None
@@ -95,7 +96,7 @@ class _Question(Request):
         return clamped_deadline(self.deadline_s, DEFAULT_DEADLINE_S, ceiling)
 
 
-class MatrixIn(_Question):
+class MatrixIn(Question):
     """Figures of the ways between many places. Give ``field``, or ``map`` for its newest ready field."""
 
     model_config = ConfigDict(
@@ -113,7 +114,7 @@ class MatrixIn(_Question):
     )
 
 
-class ReachIn(_Question):
+class ReachIn(Question):
     """The area within reach of a place, and from which it is reached: both are the same."""
 
     model_config = ConfigDict(
@@ -155,6 +156,26 @@ class MotionIn(Request):
     ax_m_s2: Rate = 0.0
     ay_m_s2: Rate = 0.0
     theta_rad: Finite | None = Field(default=None, description="Heading; null: the robot looks ahead.")
+
+
+def trajectory_of(motions: Sequence[MotionIn], place: str) -> Trajectory:
+    """A trajectory that came with a request, at ``place`` of its body.
+
+    Raises
+    ------
+    InvalidRequest
+        If its times do not ascend from 0.
+    """
+    rows = np.array([[m.t_s, m.x_m, m.y_m, m.vx_m_s, m.vy_m_s, m.ax_m_s2, m.ay_m_s2] for m in motions])
+    backwards = np.flatnonzero(np.diff(rows[:, 0]) < 0)
+    if rows[0, 0] != 0 or len(backwards):
+        at = int(backwards[0]) + 1 if rows[0, 0] == 0 else 0
+        raise InvalidRequest(
+            f"Sample {at} of the trajectory is at {rows[at, 0]:g} s; times ascend from 0.",
+            place=f"{place}/{at}/t_s",
+        )
+    heading = headings_of([m.theta_rad for m in motions])
+    return Trajectory(rows[:, 0], rows[:, 1:3], rows[:, 3:5], rows[:, 5:7], heading)
 
 
 class DrivenRobotIn(Request):
@@ -249,18 +270,7 @@ class SimulationIn(Request):
         InvalidRequest
             If its times do not ascend from 0.
         """
-        rows = np.array(
-            [[m.t_s, m.x_m, m.y_m, m.vx_m_s, m.vy_m_s, m.ax_m_s2, m.ay_m_s2] for m in self.trajectory or []]
-        )
-        backwards = np.flatnonzero(np.diff(rows[:, 0]) < 0)
-        if rows[0, 0] != 0 or len(backwards):
-            at = int(backwards[0]) + 1 if rows[0, 0] == 0 else 0
-            raise InvalidRequest(
-                f"Sample {at} of the trajectory is at {rows[at, 0]:g} s; times ascend from 0.",
-                place=f"#/trajectory/{at}/t_s",
-            )
-        heading = headings_of([m.theta_rad for m in self.trajectory or []])
-        return Trajectory(rows[:, 0], rows[:, 1:3], rows[:, 3:5], rows[:, 5:7], heading)
+        return trajectory_of(self.trajectory or [], "#/trajectory")
 
     def start_matrix(self) -> np.ndarray[Any, np.dtype[np.float64]] | None:
         """``start_covariance`` as a matrix (3, 3)."""

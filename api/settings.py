@@ -115,13 +115,27 @@ class Settings(BaseSettings):
     max_storage_bytes: _Count = Field(50 * _GIB, description="Bytes of all maps, fields and plans on disk.")
     max_plans: _Count = Field(10_000, description="Plans kept for reading; the oldest go first.")
     max_heatmap_pixels: _Count = Field(16_000_000, description="Pixels of a heatmap.")
+    max_json_cells: _Count = Field(1_000_000, description="Cells of a window of a field as JSON.")
+    max_statistics_cells: _Count = Field(
+        16_000_000,
+        description="Cells that the statistics of a request look at; of more every n-th counts.",
+    )
     max_parse_bytes: _Count = Field(
         2 * _GIB, description="Memory a worker may add while it decodes an upload, bytes."
     )
     max_parse_s: _Seconds = Field(30.0, description="Time for decoding an upload, s.")
     max_deadline_s: _Seconds = Field(30.0, le=30.0, description="Longest deadline of a plan, s.")
+    max_batch: _Count = Field(100, le=1000, description="Plans of a batch.")
+    max_batch_s: _Seconds = Field(120.0, description="Longest time for a batch of plans, s.")
     max_matrix_pairs: _Count = Field(2_500, le=250_000, description="Sources times targets of a matrix.")
     max_simulation_runs: _Count = Field(1_000, le=100_000, description="Runs of a simulation.")
+    max_streams: _Count = Field(100, le=10_000, description="Event streams of jobs that are open at a time.")
+    max_fixes: _Count = Field(100_000, le=10_000_000, description="Simulated measurements of POST /v1/fixes.")
+    max_cloud_points: _Count = Field(10_000, description="Simulated fixes that are given one by one.")
+    max_bearings: _Count = Field(1_000, le=10_000, description="Measured landmarks of POST /v1/localize.")
+    max_ranking: _Count = Field(
+        1_000, le=10_000, description="Triplets of a ranking, and as many that are missed."
+    )
     default_deadline_s: _Seconds = Field(2.0, ge=0.05, description="Deadline of a plan that names none, s.")
     cache_bytes: _Count = Field(
         _GIB,

@@ -30,6 +30,7 @@ from api.store_records import (
     StorageFull,
     StoreError,
     StoreUnavailable,
+    VersionChanged,
 )
 
 __all__ = [
@@ -46,6 +47,7 @@ __all__ = [
     "Store",
     "StoreError",
     "StoreUnavailable",
+    "VersionChanged",
 ]
 
 

@@ -18,6 +18,7 @@ from api.lru import LruCache
 from api.settings import Settings
 from api.store_files import disk
 from api.store_records import StorageFull, StoreUnavailable
+from localization.heading_field import HeadingField
 from localization.uncertainty_field import LAYERS, UncertaintyField
 from maps.floor_plan import FloorPlan
 from maps.world import World
@@ -50,7 +51,7 @@ class StoreBase:
         # Files and rows change together: one change at a time within this process.
         self._lock = threading.RLock()
         self._worlds: LruCache[World] = LruCache(settings.cache_bytes, _world_bytes)
-        self._fields: LruCache[UncertaintyField] = LruCache(settings.cache_bytes, _field_bytes)
+        self._fields: LruCache[UncertaintyField | HeadingField] = LruCache(settings.cache_bytes, field_bytes)
         with disk(f"use the data folder '{self.data_dir}'"):
             for folder in (self._maps_dir, self._fields_dir, self._staging_dir):
                 folder.mkdir(parents=True, exist_ok=True)
@@ -140,7 +141,10 @@ def _world_bytes(world: World) -> int:
     return floor.free.nbytes + floor.opaque.nbytes + floor.unknown.nbytes
 
 
-def _field_bytes(field: UncertaintyField) -> int:
+def field_bytes(field: UncertaintyField | HeadingField) -> int:
+    """Memory of a field's arrays."""
+    if isinstance(field, HeadingField):
+        return sum(field_bytes(one) for one in field.slices)
     return field.free.nbytes + sum(int(getattr(field, name).nbytes) for name in LAYERS)
 
 

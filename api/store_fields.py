@@ -25,6 +25,7 @@ from api.store_records import (
     StoreUnavailable,
 )
 from localization.errors import FieldFormatError
+from localization.heading_field import HeadingField, heading_field_hash
 from localization.method import BEST_AREA, FieldMethod
 from localization.sensors import Sensor, sensor_to_dict
 from localization.uncertainty_field import FIELD_FORMAT, UncertaintyField, field_hash
@@ -62,8 +63,9 @@ class FieldShelf(MapShelf):
         heading: float = 0.0,
         *,
         method: FieldMethod = BEST_AREA,
+        headings: int = 1,
     ) -> tuple[FieldRecord, JobRecord | None]:
-        """Ask for a field. The same content is never computed twice.
+        """Ask for a field, or one over several headings. The same content is never computed twice.
 
         Returns
         -------
@@ -82,15 +84,18 @@ class FieldShelf(MapShelf):
         world = self.world(map_id)
         map_id = "m_" + world.content_hash()
         frame = world.grid_frame(resolution)
-        heading = float(wrap(heading)) if sensor.depends_on_heading else 0.0
-        field_id = "f_" + field_hash(world, sensor, frame, heading, method=method)
+        heading = float(wrap(heading)) if sensor.depends_on_heading and headings == 1 else 0.0
+        if headings == 1:
+            field_id = "f_" + field_hash(world, sensor, frame, heading, method=method)
+        else:
+            field_id = "f_" + heading_field_hash(world, sensor, frame, headings, method=method)
         with self._write() as connection:
             row = connection.execute(sa.select(db.fields).where(db.fields.c.id == field_id)).first()
             if row is None or row.status == FieldStatus.FAILED.value:
                 # The map may have been deleted since it was read.
                 if connection.execute(sa.select(db.maps.c.id).where(db.maps.c.id == map_id)).first() is None:
                     raise NotFound(f"There is no map '{map_id}'; GET /v1/maps lists them.")
-                wanted = BYTES_PER_CELL * frame.n_rows * frame.n_cols
+                wanted = BYTES_PER_CELL * frame.n_rows * frame.n_cols * headings
                 self._require_room(connection, wanted, f"a field of {frame.n_rows} × {frame.n_cols} cells")
                 job_id = self._insert_job(connection, field_id)
                 values: dict[str, Any] = {
@@ -98,6 +103,7 @@ class FieldShelf(MapShelf):
                     "sensor_values": sensor_to_dict(sensor),
                     "frame": list(frame.as_tuple()),
                     "heading": heading,
+                    "headings": headings,
                     "estimator": method.estimator,
                     "criterion": method.criterion,
                     "field_format": FIELD_FORMAT,
@@ -172,7 +178,7 @@ class FieldShelf(MapShelf):
             )
         return record
 
-    def load_field(self, field_id: str) -> UncertaintyField:
+    def load_field(self, field_id: str) -> UncertaintyField | HeadingField:
         """The field itself, from memory if it was read lately.
 
         Raises

@@ -18,7 +18,6 @@ from zipfile import BadZipFile
 import numpy as np
 
 from api.store_records import StorageFull, StoreUnavailable
-from localization.errors import FieldFormatError
 from localization.heading_field import HeadingField
 from localization.io.field_file import load_field, save_field
 from localization.uncertainty_field import UncertaintyField
@@ -110,7 +109,7 @@ def read_world(path: Path) -> World:
         raise StoreUnavailable(f"The stored map '{path}' is damaged: {error}. Upload it again.") from error
 
 
-def write_field(field: UncertaintyField, path: Path) -> tuple[int, str]:
+def write_field(field: UncertaintyField | HeadingField, path: Path) -> tuple[int, str]:
     """Write a field as a zarr group, on the disk before it is visible.
 
     Returns
@@ -124,12 +123,9 @@ def write_field(field: UncertaintyField, path: Path) -> tuple[int, str]:
     return measure(path)
 
 
-def read_field(path: Path) -> UncertaintyField:
+def read_field(path: Path) -> UncertaintyField | HeadingField:
     """Read what :func:`write_field` wrote; errors as :func:`localization.io.field_file.load_field`."""
-    field = load_field(path)
-    if isinstance(field, HeadingField):
-        raise FieldFormatError(f"'{path}' is a field over headings; the service holds fields of one heading.")
-    return field
+    return load_field(path)
 
 
 def measure(folder: Path) -> tuple[int, str]:

@@ -11,7 +11,7 @@ from sqlalchemy.dialects.sqlite import insert as upsert
 from api import store_schema as db
 from api.store_base import StoreBase, now, plain
 from api.store_files import read_world, remove, remove_all_but, world_bytes, write_whole
-from api.store_records import FieldStatus, InUse, MapRecord, NotFound
+from api.store_records import FieldStatus, InUse, MapRecord, NotFound, VersionChanged
 from maps.grid import OccupancyGrid
 from maps.world import World
 
@@ -26,9 +26,25 @@ class MapShelf(StoreBase):
         return self._maps_dir / f"{map_id}.npz"
 
     def add_map(
-        self, world: World, *, name: str | None = None, parent: str | None = None
+        self,
+        world: World,
+        *,
+        name: str | None = None,
+        parent: str | None = None,
+        only_if: str | None = None,
     ) -> tuple[MapRecord, bool]:
         """Keep a map, and let a name (default: the world's own) stand for it from now on.
+
+        Parameters
+        ----------
+        world
+            What to keep.
+        name
+            Its label.
+        parent
+            Id of the version that it was made from.
+        only_if
+            Id of the version that the name must stand for until now.
 
         Returns
         -------
@@ -39,6 +55,8 @@ class MapShelf(StoreBase):
 
         Raises
         ------
+        VersionChanged
+            If the name stands for another version; nothing changes then.
         StorageFull, StoreUnavailable
             If it cannot be kept; nothing changes then.
         """
@@ -47,6 +65,8 @@ class MapShelf(StoreBase):
         data = world_bytes(world.renamed(label))
         with self._lock:
             with self._read() as connection:
+                if only_if is not None:
+                    _require_newest(connection, label, only_if)
                 known = connection.execute(sa.select(db.maps.c.id).where(db.maps.c.id == map_id)).scalar()
                 if known is None:
                     self._require_room(connection, len(data), f"map '{label}'")
@@ -128,6 +148,16 @@ class MapShelf(StoreBase):
     def _clean_maps(self) -> None:
         """Remove files that no row knows: uploads that were never acknowledged."""
         remove_all_but(self._maps_dir, {self.map_path(record.id).name for record in self.maps()})
+
+
+def _require_newest(connection: sa.Connection, name: str, map_id: str) -> None:
+    newest = connection.execute(sa.select(db.names.c.map_id).where(db.names.c.name == name)).scalar()
+    if newest != map_id:
+        raise VersionChanged(
+            f"'{name}' stands for another version of the map by now; change that one, or give the new one "
+            "another name.",
+            newest=newest,
+        )
 
 
 def _row(world: World, map_id: str, name: str, size: int, parent: str | None) -> dict[str, Any]:

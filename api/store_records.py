@@ -6,6 +6,7 @@
     └── StoreError
         ├── NotFound           no such map, field, job or plan
         ├── InUse              something else needs what should be deleted
+        ├── VersionChanged     a map has a newer version than the one that was changed
         ├── FieldNotReady      the field is still being computed, or its computation failed
         ├── StorageFull        the limit, or the disk, leaves no room
         └── StoreUnavailable   disk or database do not answer as they should
@@ -34,6 +35,20 @@ class NotFound(StoreError):
 
 class InUse(StoreError):
     """Something else still needs what should be deleted."""
+
+
+class VersionChanged(StoreError):
+    """A map has a newer version than the one that a change was made from.
+
+    Attributes
+    ----------
+    newest
+        Id of the newest version.
+    """
+
+    def __init__(self, message: str, *, newest: str | None = None) -> None:
+        super().__init__(message)
+        self.newest = newest
 
 
 class FieldNotReady(StoreError):
@@ -146,7 +161,9 @@ class FieldRecord:
     frame
         Its cells.
     heading
-        rad; 0 for sensors that do not depend on it.
+        rad; 0 for sensors that do not depend on it, and over headings.
+    headings
+        How many evenly spaced ones from 0 on; 1: only ``heading``.
     estimator, criterion
         How its fixes are made, see :attr:`method`.
     field_format
@@ -164,6 +181,7 @@ class FieldRecord:
     sensor_values: dict[str, Any]
     frame: GridFrame
     heading: float
+    headings: int
     estimator: str
     criterion: str
     field_format: int

@@ -11,16 +11,18 @@ from sqlalchemy import event
 from api.store_records import StoreUnavailable
 
 #: Raised when a table changes; a newer database is refused rather than misread.
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 BUSY_TIMEOUT_S = 5
 
-#: Version -> what leads to the next one. Version 1 knew field format 1 and the best triplet only.
+#: Version -> what leads to the next one. Version 1 knew field format 1 and the best triplet only, version 2
+#: fields of one heading.
 _STEPS: dict[int, tuple[str, ...]] = {
     1: (
         "ALTER TABLE fields ADD COLUMN estimator VARCHAR NOT NULL DEFAULT 'best_triplet'",
         "ALTER TABLE fields ADD COLUMN criterion VARCHAR NOT NULL DEFAULT 'area'",
         "ALTER TABLE fields ADD COLUMN field_format INTEGER NOT NULL DEFAULT 1",
     ),
+    2: ("ALTER TABLE fields ADD COLUMN headings INTEGER NOT NULL DEFAULT 1",),
 }
 
 metadata = sa.MetaData()
@@ -59,6 +61,7 @@ fields = sa.Table(
     sa.Column("sensor_values", sa.JSON, nullable=False),
     sa.Column("frame", sa.JSON, nullable=False),
     sa.Column("heading", sa.Float, nullable=False),
+    sa.Column("headings", sa.Integer, nullable=False),
     sa.Column("estimator", sa.String, nullable=False),
     sa.Column("criterion", sa.String, nullable=False),
     sa.Column("field_format", sa.Integer, nullable=False),

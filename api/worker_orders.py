@@ -27,6 +27,8 @@ class FieldOrder:
         As of :func:`localization.field_builder.build_field`.
     threads, max_cells
         Limits.
+    headings
+        How many evenly spaced ones; 1: ``heading`` alone.
     """
 
     field_id: str
@@ -38,6 +40,7 @@ class FieldOrder:
     threads: int
     max_cells: int
     method: FieldMethod = BEST_AREA
+    headings: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,10 +140,31 @@ class SimulationOrder:
     warnings: tuple[str, ...] = ()
 
 
-Order = MatrixOrder | RegionOrder | SimulationOrder
+@dataclass(frozen=True, slots=True, eq=False)
+class GivenPath:
+    """A path to score: ``points`` (x, y), m, of a polyline, or a trajectory."""
+
+    name: str
+    points: tuple[tuple[float, float], ...]
+    trajectory: Trajectory | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EvaluationOrder:
+    """Figures of given paths; ``problem`` has robot, costs and bounds, the rest is as of MatrixOrder."""
+
+    paths: tuple[GivenPath, ...]
+    problem: PlanningProblem
+    deadline: float
+    client_ref: str | None = None
+    warnings: tuple[str, ...] = ()
+
+
+Order = MatrixOrder | RegionOrder | SimulationOrder | EvaluationOrder
 #: Order -> task of a worker.
 TASK_OF: dict[type[Order], str] = {
     MatrixOrder: "matrix",
     RegionOrder: "reach",
     SimulationOrder: "simulate",
+    EvaluationOrder: "evaluate",
 }

@@ -12,11 +12,14 @@ import numpy as np
 
 from api.codec_many import matrix_answer, region_answer, simulation_answer
 from api.codec_plan import FieldLabel, plan_to_json
+from api.evaluating import evaluated
 from api.finding import find
 from api.questions import More
 from api.store_files import read_field
 from api.worker_main import Channel
-from api.worker_orders import Loaded, MatrixOrder, RegionOrder, SimulationOrder
+from api.worker_orders import EvaluationOrder, Loaded, MatrixOrder, RegionOrder, SimulationOrder
+from localization.heading_field import HeadingField
+from localization.uncertainty_field import UncertaintyField
 from planner.clock import Clock
 from planner.context import PlanningContext
 from planner.errors import InvalidProblem
@@ -41,12 +44,34 @@ _CACHE_BYTES_PER_CELL = 200
 _CACHE_BYTES = (32 * 2**20, 256 * 2**20)
 
 
-@dataclass(frozen=True, slots=True)
-class _Ready:
+@dataclass(slots=True)
+class Ready:
+    """A field made ready for questions.
+
+    Attributes
+    ----------
+    context, label
+        For plans, and what answers say of the field.
+    size
+        Bytes that it takes.
+    headings
+        The field itself if it is one over headings.
+    """
+
     context: PlanningContext
     label: FieldLabel
+    size: int = 0
+    headings: HeadingField | None = None
+    _worst: PlanningContext | None = None
 
-    size: int
+    def flat(self) -> tuple[PlanningContext, tuple[str, ...]]:
+        """For questions that know no headings: the worst one of every cell, and that it is so."""
+        if self.headings is None:
+            return self.context, ()
+        if self._worst is None:
+            self._worst = PlanningContext(self.headings.reduced("worst"), cache_bytes=_CACHE_BYTES[0])
+        said = f"The field is over {len(self.headings)} headings; the worst of them counts in every cell."
+        return self._worst, (said,)
 
 
 def load(channel: Channel, path: Path, keep_bytes: int) -> Loaded:
@@ -57,14 +82,15 @@ def load(channel: Channel, path: Path, keep_bytes: int) -> Loaded:
     FieldFormatError
         If there is no readable field.
     """
-    kept: dict[str, _Ready] = channel.memory.setdefault(_FIELDS, {})
+    kept: dict[str, Ready] = channel.memory.setdefault(_FIELDS, {})
     ready = kept.pop(path.name, None)
     if ready is None:
         field = read_field(path)
-        cells = field.free.size
+        headings = field if isinstance(field, HeadingField) else None
+        cells = field.free.size * (1 if headings is None else len(headings))
         cache = min(max(_CACHE_BYTES[0], cells * _CACHE_BYTES_PER_CELL), _CACHE_BYTES[1])
         size = cells * _CONTEXT_BYTES_PER_CELL + 2 * cache
-        ready = _Ready(PlanningContext(field, cache_bytes=cache), FieldLabel.of(field), size)
+        ready = Ready(PlanningContext(field, cache_bytes=cache), FieldLabel.of(field), size, headings)
     kept[path.name] = ready  # the newest is last
     while len(kept) > 1 and sum(r.size for r in kept.values()) > keep_bytes:
         del kept[next(iter(kept))]
@@ -89,7 +115,7 @@ def plan(
     PlannerError
         If the question is wrong.
     """
-    ready: _Ready = channel.memory[_FIELDS][path.name]
+    ready: Ready = channel.memory[_FIELDS][path.name]
     # The request in the answer stays as it was asked.
     hurried = replace(problem, deadline=min(problem.deadline, _left(ends_at, more.most_routes)))
     found = find(hurried, ready.context, more, report=channel.report)
@@ -113,9 +139,11 @@ def matrix(channel: Channel, path: Path, order: MatrixOrder, ends_at: float) -> 
     InvalidProblem
         If there are too many places.
     """
-    ready: _Ready = channel.memory[_FIELDS][path.name]
+    ready: Ready = channel.memory[_FIELDS][path.name]
+    context, said = ready.flat()
+    order = replace(order, warnings=(*order.warnings, *said))
     found = cost_matrix(
-        ready.context,
+        context,
         order.sources,
         order.targets,
         travel=_travel(order.problem),
@@ -133,9 +161,11 @@ def reach(channel: Channel, path: Path, order: RegionOrder, ends_at: float) -> d
     StartOutsideMap, StartOccupied
         If the robot cannot stand there.
     """
-    ready: _Ready = channel.memory[_FIELDS][path.name]
+    ready: Ready = channel.memory[_FIELDS][path.name]
+    context, said = ready.flat()
+    order = replace(order, warnings=(*order.warnings, *said))
     region = reachable_region(
-        ready.context,
+        context,
         order.place,
         travel=_travel(order.problem),
         measure=order.measure,
@@ -158,7 +188,7 @@ def simulate(channel: Channel, path: Path, order: SimulationOrder, ends_at: floa
     InvalidProblem, LocalizationError
         If they cannot be driven as asked.
     """
-    ready: _Ready = channel.memory[_FIELDS][path.name]
+    ready: Ready = channel.memory[_FIELDS][path.name]
     field = ready.context.field
     inside = np.asarray(field.frame.contains(order.trajectory.points))
     if not inside.all():
@@ -166,7 +196,9 @@ def simulate(channel: Channel, path: Path, order: SimulationOrder, ends_at: floa
         x, y = order.trajectory.points[at].tolist()
         raise InvalidProblem(f"Sample {at} of the trajectory is at ({x:g}, {y:g}) m, outside the map.")
     robot = SimulatedRobot(**order.robot)
-    fits = not field.sensor.depends_on_heading and robot.policy == "best_triplet"
+    followed: UncertaintyField | HeadingField | None = ready.headings
+    if followed is None and not field.sensor.depends_on_heading:
+        followed = field
     with Clock(min(order.deadline, _left(ends_at))).stop_flag() as stop:
         report = run_simulation(
             field.world,
@@ -175,11 +207,25 @@ def simulate(channel: Channel, path: Path, order: SimulationOrder, ends_at: floa
             robot=robot,
             runs=order.runs,
             rng=np.random.default_rng(order.seed),
-            field=field if fits else None,
+            field=followed if robot.policy == "best_triplet" else None,
             threads=order.threads,
             stop=stop,
         )
     return simulation_answer(report, robot, ready.label, order)
+
+
+def evaluate(channel: Channel, path: Path, order: EvaluationOrder, ends_at: float) -> dict[str, Any]:  # noqa: ARG001
+    """Figures of given paths; the answer of ``POST /v1/evaluations``.
+
+    Raises
+    ------
+    InvalidProblem
+        If a path leaves the map.
+    """
+    ready: Ready = channel.memory[_FIELDS][path.name]
+    context, said = ready.flat()
+    order = replace(order, warnings=(*order.warnings, *said))
+    return evaluated(context, ready.label, order)
 
 
 TASKS: dict[str, Callable[..., Any]] = {
@@ -188,6 +234,7 @@ TASKS: dict[str, Callable[..., Any]] = {
     "matrix": matrix,
     "reach": reach,
     "simulate": simulate,
+    "evaluate": evaluate,
 }
 
 

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
-from api import finding, worker_questions
+from api import finding, worker_places, worker_questions
 from api.codec import parse_json
 from api.settings import LimitExceeded
 from api.store_files import read_world, write_field
@@ -19,6 +19,8 @@ from api.worker_main import Channel, Program
 from api.worker_orders import FieldOrder, UploadLimits
 from localization import field_builder
 from localization.errors import LocalizationError
+from localization.heading_field import HeadingField
+from localization.uncertainty_field import UncertaintyField
 from maps.errors import MapTooLarge
 from maps.io.landmark_files import parse_landmarks
 from maps.io.map_server import grid_from_image, parse_map_yaml
@@ -41,19 +43,21 @@ def build(channel: Channel, order: FieldOrder) -> tuple[int, str]:
         If the result is not what was ordered: the map or the program changed meanwhile.
     """
     world = read_world(order.map_path)
-    field = _in_background(
-        lambda: field_builder.build_field(
-            world,
-            order.sensor,
-            resolution=order.resolution,
-            heading=order.heading,
-            method=order.method,
-            threads=order.threads,
-            progress=channel.progress,
-            cancelled=channel.cancelled,
-            max_cells=order.max_cells,
-        )
-    )
+    common: dict[str, Any] = {
+        "resolution": order.resolution,
+        "method": order.method,
+        "threads": order.threads,
+        "progress": channel.progress,
+        "cancelled": channel.cancelled,
+        "max_cells": order.max_cells,
+    }
+
+    def work() -> UncertaintyField | HeadingField:
+        if order.headings > 1:
+            return field_builder.build_heading_field(world, order.sensor, headings=order.headings, **common)
+        return field_builder.build_field(world, order.sensor, heading=order.heading, **common)
+
+    field = _in_background(work)
     if (made := "f_" + field.content_hash()) != order.field_id:
         raise LocalizationError(
             f"Field '{made}' was computed, '{order.field_id}' was ordered; order it again."
@@ -146,6 +150,6 @@ def _memory_limit(extra: int) -> Iterator[None]:
 
 #: Compiles, or loads from the cache, everything that a task will run.
 PROGRAM = Program(
-    (field_builder.warm_up, finding.warm_up, worker_questions.warm_up),
-    {"build": build, "parse": parse, **worker_questions.TASKS},
+    (field_builder.warm_up, finding.warm_up, worker_questions.warm_up, worker_places.warm_up),
+    {"build": build, "parse": parse, **worker_questions.TASKS, **worker_places.PLACE_TASKS},
 )

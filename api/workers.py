@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from api.codec_plan import FieldLabel, plan_to_json
+from api.place_orders import PLACE_TASK_OF, PlaceOrder
 from api.questions import NOTHING_MORE, Found, More
 from api.settings import Settings
 from api.worker_crew import Overloaded, Turn, WorkerCrew
@@ -180,6 +181,45 @@ class WorkerPool:
                 raise DeadlineExceeded(
                     f"Nothing was ready within {order.deadline:g} s; ask for less, or give more time."
                 ) from None
+            return answer
+
+    def ask_map(self, map_path: Path, order: PlaceOrder) -> dict[str, Any]:
+        """Answer of a question about one place of a map, for which no field is needed.
+
+        Parameters
+        ----------
+        map_path
+            File of a map.
+        order
+            The question. A worker that is 0.25 s past its deadline is left alone, or killed if it does not
+            end by itself soon.
+
+        Raises
+        ------
+        LocalizationError
+            If the question is wrong.
+        StoreUnavailable
+            If the map cannot be read.
+        Overloaded
+            If no worker got free before the deadline.
+        DeadlineExceeded
+            If there was no answer by the deadline.
+        WorkerDied
+            If the worker died before it had an answer.
+        """
+        ends_at = time.monotonic() + order.deadline
+        with self._crew.turn(ends_at, prefer=map_path.name) as turn:
+            arguments = {"path": map_path, "order": order}
+            try:
+                answer: dict[str, Any] = turn.worker.ask(
+                    PLACE_TASK_OF[type(order)], arguments, ends_at=ends_at + HARD_AFTER_S
+                )
+            except TimedOut:
+                turn.detached = True
+                raise DeadlineExceeded(
+                    f"Nothing was ready within {order.deadline:g} s; ask for less, or give more time."
+                ) from None
+            turn.worker.loaded |= {map_path.name}
             return answer
 
     def _load(self, turn: Turn, path: Path, ends_at: float) -> FieldLabel:

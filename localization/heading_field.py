@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from localization.errors import LocalizationError
-from localization.method import FieldMethod
+from localization.method import BEST_AREA, FieldMethod
 from localization.sensors import Sensor
 from localization.uncertainty_field import UncertaintyField, field_hash
 from maps.arrays import BoolArray, FloatArray, IntArray, digest
@@ -171,10 +171,15 @@ class HeadingField:
 
     def content_hash(self) -> str:
         """SHA-256 (hex) of everything the numbers depend on."""
-        n = len(self.slices)
-        made = field_hash(self.world, self.sensor, self.frame, 0.0, method=self.method, n_headings=n)
-        return digest("headings", made)
+        return heading_field_hash(self.world, self.sensor, self.frame, len(self.slices), method=self.method)
 
 
 def _size(field: UncertaintyField) -> FloatArray:
     return np.where(field.has_fix, field.area95, np.inf)
+
+
+def heading_field_hash(
+    world: World, sensor: Sensor, frame: GridFrame, count: int, *, method: FieldMethod = BEST_AREA
+) -> str:
+    """Content hash of the field over ``count`` headings that these inputs give, before it is computed."""
+    return digest("headings", field_hash(world, sensor, frame, 0.0, method=method, n_headings=count))

@@ -16,6 +16,7 @@ from api.canvas import BBox, InvalidPicture, check_bbox, picture_size
 from api.colormaps import COLORMAPS, DEFAULT_COLORMAP
 from api.dependencies import Service_
 from api.errors import InvalidRequest
+from api.field_views import HeadingQuery, normal_heading, shown_field
 from api.render import BAR_WIDTH, default_scale, heatmap_png, room_for_bar
 from api.routes.common import NOT_MODIFIED, binary, problems
 from api.settings import LimitExceeded
@@ -28,7 +29,7 @@ RENDERER = 2
 _MAX_SIDE = 16_384
 _LARGEST = 1e9
 _SMALLEST_WINDOW_M = 0.01
-_METRIC = Query(description=f"One of {', '.join(METRICS)}.")
+METRIC = Query(description=f"One of {', '.join(METRICS)}.")
 if TYPE_CHECKING:
     Metric = str
 else:  # the engine's list is the only one; a checker cannot read a Literal made at run time
@@ -52,10 +53,11 @@ class Picture(BaseModel):
     scale: str
     legend: bool
     landmarks: bool
+    heading: str | None
 
 
 def picture(
-    metric: Annotated[Metric, _METRIC] = "area95_m2",
+    metric: Annotated[Metric, METRIC] = "area95_m2",
     width: Annotated[Side, Query(description="Width with the colour bar, px.")] = None,
     height: Annotated[Side, Query(description="Height, px; a missing side follows from the other.")] = None,
     max_size: Annotated[
@@ -82,6 +84,7 @@ def picture(
     ] = None,
     legend: Annotated[bool, Query(description="Colour bar at the right.")] = True,
     landmarks: Annotated[bool, Query(description="Dots for landmarks.")] = True,
+    heading: HeadingQuery = None,
 ) -> Picture:
     """The picture that the query asks for.
 
@@ -90,12 +93,8 @@ def picture(
     InvalidRequest, InvalidPicture
         If a list of numbers is not one, or makes no picture.
     """
-    limits = None if rescale is None else _numbers(rescale, 2, "rescale")
-    if limits is not None and not 1e-9 * max(map(abs, limits)) < limits[1] - limits[0]:
-        raise InvalidPicture(
-            f"The colour range {limits[0]:g} … {limits[1]:g} is empty; give min,max with min < max."
-        )
-    window = None if bbox is None else _window(_numbers(bbox, 4, "bbox"))
+    limits = limits_of(rescale)
+    window = None if bbox is None else window_of(numbers_of(bbox, 4, "bbox"))
     return Picture(
         metric=metric,
         width=width,
@@ -108,11 +107,34 @@ def picture(
         scale=default_scale(metric) if scale is None else scale,
         legend=legend,
         landmarks=landmarks,
+        heading=heading,
     )
 
 
-def _numbers(text: str, count: int, name: str) -> list[float]:
-    """Comma-separated numbers of a query."""
+def limits_of(rescale: str | None) -> tuple[float, float] | None:
+    """Ends of the colours; None if they were not given.
+
+    Raises
+    ------
+    InvalidRequest, InvalidPicture
+        If they are not two numbers, or not in order.
+    """
+    if rescale is None:
+        return None
+    low, high = numbers_of(rescale, 2, "rescale")
+    if not 1e-9 * max(abs(low), abs(high)) < high - low:
+        raise InvalidPicture(f"The colour range {low:g} … {high:g} is empty; give min,max with min < max.")
+    return low, high
+
+
+def numbers_of(text: str, count: int, name: str) -> list[float]:
+    """Comma-separated numbers of a query.
+
+    Raises
+    ------
+    InvalidRequest
+        If they are not ``count`` finite ones.
+    """
     try:
         found = [float(part) for part in text.split(",")]
     except ValueError:
@@ -124,7 +146,14 @@ def _numbers(text: str, count: int, name: str) -> list[float]:
     return found
 
 
-def _window(values: list[float]) -> BBox:
+def window_of(values: list[float]) -> BBox:
+    """A window of four numbers, m.
+
+    Raises
+    ------
+    InvalidPicture
+        If it is empty or too thin.
+    """
     x0, y0, x1, y1 = values
     if not (x1 - x0 >= _SMALLEST_WINDOW_M and y1 - y0 >= _SMALLEST_WINDOW_M):
         raise InvalidPicture(
@@ -175,15 +204,16 @@ def heatmap(
 ) -> Response:
     """Heatmap of a metric over the floor, with a colour bar in its unit."""
     record = service.store.ready_field(field)
+    asked = asked.model_copy(update={"heading": normal_heading(record, asked.heading)})
     tag = etag_of(record.id, asked.model_dump(), RENDERER, "image/png")
 
     def make() -> Response:
         png = service.pictures.get(tag)
         if png is None:
-            values = service.store.load_field(record.id)
             with service.turn():
+                values = shown_field(service, record, asked.heading or "", asked.metric)
                 size = _size(asked, values.frame.bounds(), service.settings.max_heatmap_pixels)
-                png = heatmap_png(values, **{**asked.model_dump(), **size})
+                png = heatmap_png(values, **{**asked.model_dump(exclude={"heading"}), **size})
             service.pictures.put(tag, png)
         return Response(png, media_type="image/png")
 
@@ -200,14 +230,19 @@ def heatmap(
     },
 )
 def heatmap_array(
-    field: str, request: Request, service: Service_, metric: Annotated[Metric, _METRIC] = "area95_m2"
+    field: str,
+    request: Request,
+    service: Service_,
+    metric: Annotated[Metric, METRIC] = "area95_m2",
+    heading: HeadingQuery = None,
 ) -> Response:
     """The metric of every cell as a numpy file. Row 0: lowest y."""
     record = service.store.ready_field(field)
+    which = normal_heading(record, heading)
 
     def make() -> Response:
-        values = service.store.load_field(record.id)
         with service.turn():
+            values = shown_field(service, record, which, metric)
             out = io.BytesIO()
             np.save(out, values.metric(metric), allow_pickle=False)
         name = f'attachment; filename="{metric}.npy"'
@@ -215,4 +250,4 @@ def heatmap_array(
             out.getvalue(), media_type="application/octet-stream", headers={"Content-Disposition": name}
         )
 
-    return conditional(request, etag_of(record.id, metric, RENDERER, "npy"), HOUR, make)
+    return conditional(request, etag_of(record.id, metric, which, RENDERER, "npy"), HOUR, make)

@@ -12,8 +12,8 @@ from api.codec import DocumentError
 from api.codec_simulation import footprint_of_answer, radius_of_answer, trajectory_of_answer
 from api.dependencies import Service, Service_
 from api.errors import InvalidRequest
+from api.planning import newest_field
 from api.routes.common import answer, json_response, problems
-from api.routes.plans import newest_field
 from api.schemas_many import MatrixIn, ReachIn, SimulationIn
 from api.schemas_parts import OdometryIn
 from api.settings import LimitExceeded
@@ -22,7 +22,7 @@ from planner.reference import fitting_steering
 from planner.result import Trajectory
 
 router = APIRouter(prefix="/v1", tags=["plans"])
-_CODES = (
+CODES = (
     "malformed_body",
     "not_found",
     "field_not_ready",
@@ -39,7 +39,7 @@ _DEFAULT_RUNS = 1000
     "/matrix",
     responses={
         200: answer(answers_many.Matrix, "Figures of every pair, null where there is no way."),
-        **problems(*_CODES),
+        **problems(*CODES),
     },
 )
 def make_matrix(question: MatrixIn, service: Service_) -> Response:
@@ -62,14 +62,14 @@ def make_matrix(question: MatrixIn, service: Service_) -> Response:
         client_ref=question.client_ref,
         warnings=warnings,
     )
-    return _ask(service, question.field, question.map, order)
+    return ask_field(service, question.field, question.map, order)
 
 
 @router.post(
     "/reachability",
     responses={
         200: answer(answers_many.Region, "GeoJSON in m of the map frame."),
-        **problems(*_CODES, "start_outside_map", "start_occupied"),
+        **problems(*CODES, "start_outside_map", "start_occupied"),
     },
 )
 def reach(question: ReachIn, service: Service_) -> Response:
@@ -89,14 +89,14 @@ def reach(question: ReachIn, service: Service_) -> Response:
         client_ref=question.client_ref,
         warnings=warnings,
     )
-    return _ask(service, question.field, question.map, order)
+    return ask_field(service, question.field, question.map, order)
 
 
 @router.post(
     "/simulations",
     responses={
         200: answer(answers_many.Simulation, "Collisions, deviations, and whether the ellipses held."),
-        **problems(*_CODES),
+        **problems(*CODES),
     },
 )
 def simulate(question: SimulationIn, service: Service_) -> Response:
@@ -115,7 +115,7 @@ def simulate(question: SimulationIn, service: Service_) -> Response:
         trajectory = question.to_trajectory()
     else:
         planned = service.store.plan(question.plan).answer
-        trajectory = _trajectory(planned, question.route)
+        trajectory = trajectory_of_plan(planned, question.route)
         field = str(planned["field"])
     order = SimulationOrder(
         trajectory=trajectory,
@@ -128,10 +128,11 @@ def simulate(question: SimulationIn, service: Service_) -> Response:
         client_ref=question.client_ref,
         warnings=warnings,
     )
-    return _ask(service, field, question.map, order)
+    return ask_field(service, field, question.map, order)
 
 
-def _ask(service: Service, field: str | None, map_name: str | None, order: Order) -> Response:
+def ask_field(service: Service, field: str | None, map_name: str | None, order: Order) -> Response:
+    """What a worker answers to an order on a field, or on the newest one of a map."""
     name = newest_field(service, map_name or "") if field is None else field
     path = service.store.field_path(service.store.ready_field(name).id)
     return json_response(service.pool.ask(path, order))
@@ -149,18 +150,24 @@ def _limit(what: str, requested: int, limit: int, setting: str, place: str) -> N
     )
 
 
-def _trajectory(planned: dict[str, Any], route: int) -> Trajectory:
-    """Trajectory of one of a plan's routes."""
+def trajectory_of_plan(planned: dict[str, Any], route: int, *, place: str = "#") -> Trajectory:
+    """Trajectory of one of a plan's routes.
+
+    Raises
+    ------
+    InvalidRequest
+        If there is none; ``place`` is where the plan was named.
+    """
     routes = planned["routes"]
     if route >= len(routes):
         raise InvalidRequest(
             f"The plan has {len(routes)} routes; route {route} is not one of them, they count from 0.",
-            place="#/route",
+            place=f"{place}/route",
         )
     try:
         return trajectory_of_answer({"routes": [routes[route]]})
     except DocumentError as error:
-        raise InvalidRequest(str(error), place="#/plan") from error
+        raise InvalidRequest(str(error), place=f"{place}/plan") from error
 
 
 def _robot(question: SimulationIn, planned: dict[str, Any], trajectory: Trajectory) -> dict[str, Any]:

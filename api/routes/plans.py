@@ -9,12 +9,12 @@ from starlette.responses import Response
 
 from api import answers
 from api.caching import HOUR, conditional, etag_of
-from api.codec_records import order_to_json
-from api.dependencies import Service, Service_
+from api.dependencies import Service_
+from api.field_views import normal_heading, shown_field
 from api.plan_picture import plan_png
+from api.planning import plan_one
 from api.routes.common import NOT_MODIFIED, answer, binary, problems
 from api.schemas import PlanIn
-from api.store_records import FieldNotReady, FieldStatus
 
 RENDERER = 3
 
@@ -47,41 +47,7 @@ def make_plan(question: PlanIn, service: Service_) -> Response:
     `risk_unmet`: no path keeps the bounds; the best effort, and in `unmet` what it misses and the smallest
     bound that is possible. `timeout`: the best until the deadline. `no_path`: there is none.
     """
-    settings = service.settings
-    problem, warnings = question.to_problem(
-        default_deadline=settings.default_deadline_s, max_deadline=settings.max_deadline_s
-    )
-    more = question.to_more()
-    field = newest_field(service, question.map or "") if question.field is None else question.field
-    path = service.store.field_path(service.store.ready_field(field).id)
-    found = service.pool.plan(path, problem, more=more, client_ref=question.client_ref, warnings=warnings)
-    return Response(service.store.add_plan(found).body, media_type="application/json")
-
-
-def newest_field(service: Service, name: str) -> str:
-    """Id of the newest ready field of a map.
-
-    Raises
-    ------
-    NotFound
-        If there is no such map.
-    FieldNotReady
-        If it has no field that is ready.
-    """
-    record = service.store.map(name)
-    fields = service.store.fields(record.id)
-    ready = [f for f in fields if f.status is FieldStatus.READY]
-    if ready:
-        return max(ready, key=lambda f: (f.ended or f.created, f.id)).id
-    job = next((f.job for f in fields if f.status is FieldStatus.RUNNING), None)
-    failed = None if job or not fields else max(fields, key=lambda f: (f.ended or f.created, f.id))
-    raise FieldNotReady(
-        f"Map '{name}' has no field that is ready; "
-        + ("wait for its job." if job else "POST one to /v1/fields.")
-        + (f" The last one: {failed.error}" if failed else ""),
-        job=job,
-        order=order_to_json(failed) if failed else None,
-    )
+    return Response(plan_one(service, question), media_type="application/json")
 
 
 @router.get(
@@ -122,8 +88,9 @@ def plan_picture(
     def make() -> Response:
         png = service.pictures.get(tag)
         if png is None:
-            field = service.store.load_field(record.field_id)
+            of = service.store.ready_field(record.field_id)
             with service.turn():
+                field = shown_field(service, of, normal_heading(of, None), "area95_m2")
                 png = plan_png(field, record.answer, width=width)
             service.pictures.put(tag, png)
         return Response(png, media_type="image/png")

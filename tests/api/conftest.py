@@ -10,14 +10,16 @@ import numpy as np
 import pytest
 
 import api.app
-from api import worker_questions
+from api import worker_places, worker_questions
 from api.codec import parse_json, plan_to_json
 from api.codec_plan import FieldLabel
 from api.finding import find
+from api.place_orders import PLACE_TASK_OF
 from api.questions import NOTHING_MORE, Found
 from api.settings import Settings
 from api.store_files import write_field
 from api.worker_orders import TASK_OF
+from localization.heading_field import HeadingField
 from localization.method import BEST_AREA
 from maps.io.world_file import world_from_geojson
 from planner.context import PlanningContext
@@ -83,11 +85,16 @@ class InlinePool:
         )
 
     def ask(self, field_path, order):
-        context = PlanningContext(self.store.load_field(field_path.stem))
-        ready = SimpleNamespace(context=context, label=FieldLabel.of(context.field))
+        field = self.store.load_field(field_path.stem)
+        over = field if isinstance(field, HeadingField) else None
+        ready = worker_questions.Ready(PlanningContext(field), FieldLabel.of(field), 0, over)
         channel = SimpleNamespace(memory={"fields": {field_path.name: ready}})
         task = worker_questions.TASKS[TASK_OF[type(order)]]
         return task(channel, field_path, order, time.monotonic() + order.deadline)
+
+    def ask_map(self, map_path, order):
+        task = worker_places.PLACE_TASKS[PLACE_TASK_OF[type(order)]]
+        return task(SimpleNamespace(memory={}), map_path, order)
 
 
 class IdleJobs:
@@ -103,8 +110,13 @@ class IdleJobs:
     def stop(self) -> None:
         pass
 
-    def submit_field(self, map_id, sensor, resolution, heading, *, method=BEST_AREA):
-        return self.store.add_field_request(map_id, sensor, resolution, heading, method=method)
+    def submit_field(self, map_id, sensor, resolution, heading, *, method=BEST_AREA, headings=1):
+        return self.store.add_field_request(
+            map_id, sensor, resolution, heading, method=method, headings=headings
+        )
+
+    def pace_of(self, job_id):
+        return None
 
     def dismiss(self, job_id):
         return self.store.dismiss_job(job_id)

@@ -15,7 +15,8 @@ from api.jobs import MAX_ATTEMPTS, JobRunner
 from api.settings import LimitExceeded, Settings
 from api.store import FieldStatus, JobStatus, NotFound, StorageFull, Store
 from api.workers import WorkerPool
-from localization.sensors import LASER, MAS97_CAMERA
+from localization.errors import InvalidSensor
+from localization.sensors import FORWARD_CAMERA, LASER, MAS97_CAMERA
 from maps.errors import InvalidGeometry, TooFewLandmarks
 from tests.worlds import world_from_ascii
 
@@ -244,6 +245,10 @@ def test_orders_that_make_no_sense_leave_no_trace(tmp_path, pool):
         empty, _ = service.store.add_map(world_from_ascii(ROOM.replace("A", ".")))
         with pytest.raises(TooFewLandmarks):
             service.runner.submit_field(empty.id, LASER, 0.5)
+        with pytest.raises(InvalidSensor, match="every heading"):
+            service.runner.submit_field(service.map.id, LASER, 0.5, headings=4)
+        with pytest.raises(LimitExceeded, match="at 20 headings"):
+            service.runner.submit_field(service.map.id, FORWARD_CAMERA, 0.4, headings=20)
         assert service.store.fields() == service.store.jobs() == []
     finally:
         service.end()

@@ -3,6 +3,7 @@ from __future__ import annotations
 import sqlite3
 import threading
 
+import numpy as np
 import pytest
 
 from api import store_fields, store_files
@@ -19,7 +20,7 @@ from api.store import (
     StoreUnavailable,
 )
 from localization.method import FieldMethod
-from localization.sensors import LASER, MAS97_CAMERA
+from localization.sensors import FORWARD_CAMERA, LASER, MAS97_CAMERA
 from localization.uncertainty_field import FIELD_FORMAT
 from maps.errors import InvalidGeometry
 from tests.fields import synthetic_field
@@ -379,7 +380,7 @@ def test_a_newer_database_is_refused(open_store, settings):
 def _make_version_1(database):
     """What version 1 left behind: fields without method and format."""
     with database:
-        for column in ("estimator", "criterion", "field_format"):
+        for column in ("estimator", "criterion", "field_format", "headings"):
             database.execute(f"ALTER TABLE fields DROP COLUMN {column}")
         database.execute("UPDATE info SET schema_version = 1")
 
@@ -409,6 +410,31 @@ def test_a_data_folder_of_version_1_opens(open_store, settings):
         assert not list((store.data_dir / "fields").iterdir()), "files that nobody can read are gone"
     store.delete_map(ready.map_id)
     assert store.fields() == []
+
+
+def test_a_data_folder_of_version_2_opens_with_its_fields(open_store, settings):
+    store = open_store()
+    ready = ready_field(store)
+    before = store.load_field(ready.id).covariance
+    store.close()
+    database = sqlite3.connect(settings.data_dir / "surepath.db")
+    with database:
+        database.execute("ALTER TABLE fields DROP COLUMN headings")
+        database.execute("UPDATE info SET schema_version = 2")
+    database.close()
+    store = open_store()
+    assert (store.field(ready.id), store.field(ready.id).headings) == (ready, 1)
+    np.testing.assert_array_equal(store.load_field(ready.id).covariance, before)
+
+
+def test_a_field_over_headings_is_another_one_and_needs_more_room(open_store):
+    store = open_store()
+    record, _ = store.add_map(world_from_ascii(ROOM), name="r")
+    one, _ = store.add_field_request(record.id, FORWARD_CAMERA, 0.5)
+    many, job = store.add_field_request(record.id, FORWARD_CAMERA, 0.5, headings=8)
+    assert one.id != many.id
+    assert (one.headings, many.headings) == (1, 8)
+    assert store.add_field_request(record.id, FORWARD_CAMERA, 0.5, headings=8)[1].id == job.id
 
 
 def test_a_field_of_another_format_is_retired(open_store, settings):

@@ -24,9 +24,10 @@ from api.worker_main import Channel
 from api.worker_orders import FieldOrder, UploadLimits
 from api.workers import WorkerPool
 from localization.errors import Cancelled, LocalizationError
-from localization.field_builder import build_field
+from localization.field_builder import build_field, build_heading_field
+from localization.heading_field import HeadingField, heading_field_hash
 from localization.method import FieldMethod
-from localization.sensors import LASER
+from localization.sensors import FORWARD_CAMERA, LASER
 from localization.uncertainty_field import field_hash
 from maps.errors import MapFormatError, MapTooLarge
 from maps.io.site import bundled_site
@@ -103,6 +104,21 @@ def test_a_built_field_equals_the_engine(tmp_path):
     again = tmp_path / "again"
     again.mkdir()
     assert write_field(made, again / "field.zarr") == (size, checksum), "same content, same bytes"
+
+
+def test_a_field_over_headings_is_built(tmp_path):
+    world = world_from_ascii(ROOM)
+    name = "f_" + heading_field_hash(world, FORWARD_CAMERA, world.grid_frame(0.5), 4)
+    line = Line()
+    worker_tasks.build(
+        line.channel(), order(tmp_path, field_id=name, sensor=FORWARD_CAMERA, headings=4, max_cells=4000)
+    )
+    made = read_field(tmp_path / "field.zarr")
+    assert isinstance(made, HeadingField)
+    direct = build_heading_field(world, FORWARD_CAMERA, resolution=0.5, headings=4)
+    for one, other in zip(made.slices, direct.slices, strict=True):
+        np.testing.assert_array_equal(one.covariance, other.covariance)
+    assert line.sent[-1][1][0] == line.sent[-1][1][1]
 
 
 def test_a_field_is_built_by_the_method_that_was_ordered(tmp_path):
