@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import logging
-from collections.abc import AsyncIterator, Iterable
+from collections.abc import AsyncIterator, Iterable, Iterator
 from contextlib import asynccontextmanager
 from types import FrameType
 
@@ -127,16 +127,23 @@ def _answer_error(request: Request, error: Exception) -> Response:
 
 
 def methods_of(routes: Iterable[BaseRoute], scope: Scope) -> list[str]:
-    """Methods of all routes with the path of a request."""
-    found: set[str] = set()
+    """Methods of an address: of all routes with the path of the first one that matches a request."""
+    found = [(r, getattr(r, "path", "")) for r in _flat(routes) if r.matches(scope)[0] is not Match.NONE]
+    methods: set[str] = set()
+    for route, path in found:
+        if path == found[0][1]:
+            methods |= getattr(route, "methods", None) or set()
+    return sorted(methods)
+
+
+def _flat(routes: Iterable[BaseRoute]) -> Iterator[BaseRoute]:
+    """Routes, those of included routers too: FastAPI keeps the routers."""
     for route in routes:
-        # FastAPI keeps the routers that were included, each with its routes.
         router = getattr(route, "original_router", None)
-        if router is not None:
-            found |= set(methods_of(router.routes, scope))
-        elif route.matches(scope)[0] is not Match.NONE:
-            found |= getattr(route, "methods", None) or set()
-    return sorted(found)
+        if router is None:
+            yield route
+        else:
+            yield from _flat(router.routes)
 
 
 def _start(settings: Settings, pool: WorkerPool | None) -> Service:

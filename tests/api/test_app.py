@@ -36,6 +36,7 @@ def test_other_methods(gallery):
         ("/v1/maps/room/landmarks", "GET, PUT"),
         ("/v1/maps", "GET, POST"),
         ("/v1/fields/f_1/statistics", "GET, POST"),
+        ("/v1/plans/batch", "POST"),
     ],
 )
 def test_other_methods_are_told_which_there_are(gallery, path, allowed):
