@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from api.answers import Plan, Problem, Risk, Uncertainty, Unmet, Waypoint
+from api.answers import Problem
 from api.answers_base import Answer
+from api.answers_plan import Plan, Risk, Uncertainty, Unmet, Waypoint
 
 
 class BatchItem(Answer):

@@ -7,7 +7,7 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request
 from starlette.responses import Response
 
-from api import answers
+from api import answers_plan
 from api.caching import HOUR, conditional, etag_of
 from api.dependencies import Service_
 from api.field_views import normal_heading, shown_field
@@ -24,7 +24,7 @@ router = APIRouter(prefix="/v1/plans", tags=["plans"])
 @router.post(
     "",
     responses={
-        200: answer(answers.Plan, "The best path found, or that there is none: see `status`."),
+        200: answer(answers_plan.Plan, "The best path found, or that there is none: see `status`."),
         **problems(
             "malformed_body",
             "not_found",
@@ -53,7 +53,7 @@ def make_plan(question: PlanIn, service: Service_) -> Response:
 @router.get(
     "/{plan}",
     responses={
-        200: answer(answers.Plan, "The answer as it was given."),
+        200: answer(answers_plan.Plan, "The answer as it was given."),
         **NOT_MODIFIED,
         **problems("not_found", "store_unavailable"),
     },

@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from api.answers import Plan
+from api.answers_plan import Plan
 from api.cli_options import odometry_of, place_of, start_covariance_of, travel_of
 from localization.motion import OdometryModel
 from planner.errors import InvalidProblem

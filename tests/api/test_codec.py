@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from api import answers
+from api import answers_plan
 from api.codec import (
     DocumentError,
     parse_json,
@@ -188,7 +188,7 @@ def test_a_plan_says_everything_and_matches_its_schema(blind):
     result, field, problem = _plan(blind)
     answer = plan_to_json(result, field, problem=problem, client_ref="order-17", warnings=["clamped"])
     json.dumps(answer, allow_nan=False)
-    answers.Plan.model_validate(answer, strict=True)
+    answers_plan.Plan.model_validate(answer, strict=True)
     assert answer["warnings"] == ["clamped", "note"]
     assert answer["map"] == "m_" + field.world.content_hash()
     assert answer["request"]["robot"]["radius_m"] == 0.2
@@ -213,7 +213,7 @@ def test_whose_a_covariance_is_and_how_much_dearer_than_the_grid_the_route():
     summary = replace(route.summary, cost=2.2, longest_blind=0.75)
     made = replace(result, route=replace(route, path=path, summary=summary), grid_cost=2.0)
     answer = plan_to_json(made, field, problem=problem)
-    answers.Plan.model_validate(answer, strict=True)
+    answers_plan.Plan.model_validate(answer, strict=True)
     waypoints = answer["routes"][0]["path"]
     assert [w["covariance_of"] for w in waypoints] == ["fix" if k else "dead_reckoning" for k in known]
     assert waypoints[1]["covariance"] is not None
@@ -239,6 +239,6 @@ def test_a_plan_without_a_route_has_empty_routes():
     answer = plan_to_json(
         PlanResult(PlanStatus.NO_PATH, None, None, None, "grid_search"), field, problem=problem
     )
-    answers.Plan.model_validate(answer, strict=True)
+    answers_plan.Plan.model_validate(answer, strict=True)
     assert answer["routes"] == []
     assert answer["shortest_baseline"] is None

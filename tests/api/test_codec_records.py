@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from api import answers
+from api import answers, answers_plan
 from api.canvas import InvalidPicture
 from api.codec_records import _to_circle, point_to_json
 from api.plan_picture import plan_png
@@ -122,7 +122,7 @@ def test_a_plan_without_triplets_is_not_blind():
     from api.codec import plan_to_json
 
     answer = plan_to_json(result, field, problem=problem)
-    answers.Plan.model_validate(answer, strict=True)
+    answers_plan.Plan.model_validate(answer, strict=True)
     for waypoint in answer["routes"][0]["path"]:
         assert waypoint["triplet"] is None
         assert waypoint["covariance"] == [0.01, 0.002, 0.02]

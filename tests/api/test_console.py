@@ -39,7 +39,7 @@ def answer(*, risk=None, **bounds):
     figures = replace(
         result.route.summary,
         max_ellipse95=0.2345,
-        longest_blind=1.25,
+        longest_blind=1.25 if "max_blind_distance" in bounds else 0.0,
         max_collision_probability=risk,
         max_collision_bound=0.02,
     )

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from api import answers, answers_many
+from api import answers, answers_many, answers_plan
 from api.app import create_app
 from api.settings import Settings
 from tests.api.clients import TestClient
@@ -69,7 +69,7 @@ def test_polygons_from_upload_to_picture(service):
     answer = _plan(service, field, (1.0, 5.0), (7.0, 1.0), client_ref="a")
     assert answer.status_code == 200
     plan = answer.json()
-    answers.Plan.model_validate(plan)
+    answers_plan.Plan.model_validate(plan)
     assert plan["status"] in {"exact", "approximate"}
     (route,) = plan["routes"]
     assert route["length_m"] > 7.5, "around the obstacle and the blind places"
@@ -116,7 +116,7 @@ def _field_id(client) -> str:
 
 def test_a_bound_that_cannot_be_kept_is_an_outcome(service):
     plan = _plan(service, _field_id(service), (1.0, 5.0), (7.0, 1.0), constraints={"max_r95_m": 1e-6}).json()
-    answers.Plan.model_validate(plan)
+    answers_plan.Plan.model_validate(plan)
     assert plan["status"] == "risk_unmet"
     assert plan["unmet"][0]["bound"] == "max_r95_m"
     assert plan["unmet"][0]["smallest_possible"] > 1e-6
@@ -125,12 +125,12 @@ def test_a_bound_that_cannot_be_kept_is_an_outcome(service):
 def test_several_routes_schedules_and_simulations_of_them(service):
     more = {"alternatives": {"count": 2, "max_cost_factor": 3.0}, "include": ["schedule"]}
     plan = _plan(service, _field_id(service), (1.0, 5.0), (7.0, 5.0), **more).json()
-    answers.Plan.model_validate(plan)
+    answers_plan.Plan.model_validate(plan)
     assert plan["status"] == "exact"
     assert len(plan["routes"]) == 2
     assert all(route["schedule"] for route in plan["routes"])
     front = _plan(service, _field_id(service), (1.0, 5.0), (7.0, 5.0), objective={"kind": "pareto"}).json()
-    answers.Plan.model_validate(front)
+    answers_plan.Plan.model_validate(front)
     assert front["routes"][0]["front"]["against"] == "worst"
     for route in (0, 1):
         body = {"plan": plan["plan"], "route": route, "runs": 50}
@@ -145,7 +145,7 @@ def test_a_short_deadline_leaves_a_part_of_a_list(service):
     more = {"alternatives": {"count": 10, "max_cost_factor": 9.0}, "include": ["schedule"]}
     plan = _plan(service, _field_id(service), (1.0, 5.0), (7.0, 5.0), **more, deadline_s=0.3).json()
     assert time.monotonic() - began < 0.3 + 0.5 + 1.0, "the field may have to be read"
-    answers.Plan.model_validate(plan)
+    answers_plan.Plan.model_validate(plan)
     assert plan["status"] in {"exact", "approximate", "timeout"}
 
 

@@ -7,7 +7,7 @@ import io
 import pytest
 from PIL import Image
 
-from api import answers
+from api import answers_plan
 from tests.api.conftest import LASER, problem_of
 
 PLAN = {
@@ -23,7 +23,7 @@ def test_a_plan_is_made_kept_and_drawn(client, field):
     assert answer.status_code == 200
     assert answer.headers["cache-control"] == "no-store"
     plan = answer.json()
-    answers.Plan.model_validate(plan)
+    answers_plan.Plan.model_validate(plan)
     assert (plan["client_ref"], plan["field"], plan["map"]) == ("order-17", field.id, field.map)
     again = client.get(f"/v1/plans/{plan['plan']}")
     assert again.json() == plan

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from api import answers, questions
+from api import answers_plan, questions
 from api.answers_schedule import ScheduleFigures, Stretch
 from api.schemas import PlanIn
 from planner import alternatives, pareto
@@ -29,7 +29,7 @@ def ask(gallery, **change):
     answer = gallery.client.post("/v1/plans", json={**PLAN, "field": gallery.id, **change})
     assert answer.status_code == 200, answer.text
     plan = answer.json()
-    answers.Plan.model_validate(plan)
+    answers_plan.Plan.model_validate(plan)
     return plan
 
 
