@@ -7,10 +7,11 @@ import numpy.typing as npt
 
 from localization.errors import LocalizationError
 from localization.method import BEST_AREA, FieldMethod
-from localization.sensors import Sensor
+from localization.sensors import FORWARD_CAMERA, Sensor
 from localization.tiles import FieldTile, compute_tile
 from localization.triplets import pack_masks
 from localization.uncertainty_field import is_off, trusted_where
+from maps.io.site import bundled_site
 from maps.visibility import visible_landmarks
 from maps.world import World
 
@@ -69,3 +70,8 @@ def fixes_at(
             getattr(out, name)[k] = getattr(tile, name)[0]
     doubtful = np.isfinite(out.covariance[:, 0]) & is_off(out.validity)
     return trusted_where(doubtful, out) if doubtful.any() else out
+
+
+def warm_up() -> None:
+    """Compile or load the kernels, lines of sight among polygons included."""
+    fixes_at(bundled_site("mas97_room"), FORWARD_CAMERA, [[3.0, 3.0, 0.5]])

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import shapely
 
+from localization.at_poses import warm_up as warm_up_fixes
 from maps.arrays import FloatArray
-from planner import belief_plan, sampling, smoothing
+from planner import belief_plan, risk, sampling, smoothing
 from planner.annotate import annotate
 from planner.any_angle import shorten
 from planner.clock import Clock
@@ -411,5 +412,10 @@ def warm_up() -> None:
             report=lambda _: None,
         )
     belief_plan.warm_up(context)
+    risk.warm_up(context.clearance, context.field.frame, context.centre_clearance)
+    warm_up_fixes()
+    outline = ((0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2), (0.3, -0.2))
+    shaped = PlanningProblem((1.0, 1.0), (5.0, 5.0), 0.2, footprint=outline, deadline=30.0)
+    plan(replace(shaped, kinematics="differential"), context)
     across = shapely.box(2.9, -1.0, 3.1, 9.0)
     plan(PlanningProblem((1.0, 1.0), (5.0, 5.0), 0.2, avoid=(across,), deadline=30.0), context)

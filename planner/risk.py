@@ -72,8 +72,9 @@ def collision_risk(
     InvalidProblem
         If the shapes do not fit.
     """
-    p = np.ascontiguousarray(points, dtype=np.float64)
-    c = np.ascontiguousarray(covariances, dtype=np.float64)
+    # Copies may be written, so that the kernel is compiled for one kind of array.
+    p = np.array(points, dtype=np.float64, order="C")
+    c = np.array(covariances, dtype=np.float64, order="C")
     if p.ndim != 2 or p.shape[1] != 2 or c.shape != (len(p), 3):
         raise InvalidProblem(f"Points {p.shape} and covariances {c.shape}; give (N, 2) and (N, 3).")
     rigorous, sector = np.empty(len(p)), np.empty(len(p))
@@ -207,3 +208,12 @@ def _over_cells(
     if stop is not None and stop[0] != 0:
         raise Stopped
     out.ravel()[index] = found
+
+
+def warm_up(clearance: ClearanceIndex, frame: GridFrame, centre_clearance: FloatArray) -> None:
+    """Compile or load the kernels: cells of a floor are judged as if fixes were off by a decimetre."""
+    covariances = np.tile([0.01, 0.0, 0.01], (*frame.shape, 1))
+    args = (clearance, frame, centre_clearance, covariances)
+    risky_cells(*args, radius=0.1, limit=0.05)
+    cell_probabilities(*args, radius=0.1)
+    collision_risk(clearance, np.zeros((1, 2)), np.zeros((1, 3)), 0.1)

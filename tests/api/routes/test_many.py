@@ -155,6 +155,7 @@ def test_a_simulation_of_a_plan(gallery):
 def test_an_outline_is_simulated_as_one(gallery):
     corners = [{"x_m": x, "y_m": y} for x, y in ((0.4, 0.2), (-0.4, 0.2), (-0.4, -0.2), (0.4, -0.2))]
     question = {**PLAN, "robot": {"footprint": corners}, "include": ["schedule"], "field": gallery.id}
+    question["deadline_s"] = 20
     plan = gallery.client.post("/v1/plans", json=question).json()
     assert plan["status"] in {"exact", "approximate"}
     body = {"plan": plan["plan"], "runs": 10}
