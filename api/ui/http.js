@@ -89,14 +89,6 @@ export function sendKeyWithDownloads(links, failed) {
   }
 }
 
-// Paths that the service has, by its own description: asking for one that it lacks would be an error in the
-// console, and a page must work with services older than itself.
-let described;
-export async function offers(path, method = "get") {
-  described ??= getJson("/openapi.json").catch(() => ({ paths: {} }));
-  return Boolean((await described).paths?.[path]?.[method]);
-}
-
 export function query(values) {
   const kept = Object.entries(values).filter(([, value]) => value !== null && value !== undefined && value !== "");
   return new URLSearchParams(kept).toString();

@@ -2,12 +2,14 @@
 
 import { startBar } from "./bar.js";
 import { $, say } from "./dom.js";
+import { startClouds } from "./cloud_panel.js";
 import { startFields } from "./field_panel.js";
+import { isHeading, startHeadings } from "./headings.js";
 import { getJson, sendKeyWithDownloads } from "./http.js";
 import { keepLink, readLink } from "./link.js";
 import { chooseMap, loadMaps, preferredMap, startMaps } from "./map_panel.js";
 import { fit, lookAt, redraw, startMap } from "./map_view.js";
-import { clickMark, dragMark, markAt, startMarks } from "./marks_panel.js";
+import { clickMark, dragMark, markAt, removeMark, startMarks } from "./marks_panel.js";
 import { clickEnd, controlsInLink, plan, setControls, setEnd, startPlans } from "./plan_panel.js";
 import { askAt, hover, startPoint } from "./point_panel.js";
 import { startProfile } from "./profile.js";
@@ -17,9 +19,9 @@ import { showTrouble } from "./troubles.js";
 const failed = (error) => showTrouble("map-trouble", error);
 const TOOLS = { path: clickEnd, look: askAt, marks: clickMark };
 const HELP = {
-  path: "Click start, then goal.",
+  path: "Click start, then goal, for a path.",
   look: "Click a place to see its ellipse and why it is good or bad.",
-  marks: "Click a landmark to choose it; drag to move it.",
+  marks: "Click a landmark to choose it, drag to move it; then save at the left.",
 };
 
 const acts = {
@@ -38,6 +40,7 @@ const acts = {
   dragged: dragMark,
   dropped: () => say("The landmark is moved; save to keep it."),
   pressed: (key, p) => {
+    if (key === "Delete" && state.tool === "marks") return removeMark();
     const keys = { s: () => setEnd("start", p), g: () => setEnd("goal", p), i: () => askAt(p), 0: fit };
     keys[key.toLowerCase()]?.();
     return key.toLowerCase() in keys;
@@ -52,16 +55,18 @@ async function start() {
   takeOver(wanted);
   startMaps();
   startFields();
+  startHeadings();
   startBar();
   startPlans();
   startPoint();
+  startClouds();
   startProfile();
   startMarks();
   setControls(wanted.controls);
   startMap(acts, (error) => showTrouble("field-trouble", error));
-  for (const radio of document.querySelectorAll("input[name=tool]")) radio.addEventListener("change", () => set({ tool: radio.value }));
+  for (const radio of document.querySelectorAll("input[name=tool]")) radio.addEventListener("change", () => chooseTool(radio.value));
   sendKeyWithDownloads(document.querySelectorAll("a[download]"), failed);
-  listen(["tool"], showTool);
+  listen(["tool", "adding"], showTool);
   showTool();
   addEventListener("beforeunload", (event) => {
     if (state.edited) event.preventDefault(); // the browser asks
@@ -72,8 +77,9 @@ async function start() {
   await open(wanted);
 }
 
-function takeOver({ metric, scale, colormap, opacity, range }) {
+function takeOver({ heading, metric, scale, colormap, opacity, range }) {
   const { metrics, colormaps } = state.facts;
+  if (isHeading(heading)) set({ heading });
   if (metric in metrics) set({ metric, scale: metrics[metric].scale });
   if (scale === "log" || scale === "linear") set({ scale });
   if (colormap in colormaps) set({ colormap });
@@ -100,9 +106,14 @@ async function open(wanted) {
   if (wanted.start && wanted.goal) await plan();
 }
 
+function chooseTool(tool) {
+  set({ tool, adding: false });
+  if (tool === "marks") $("marks-box").open = true;
+}
+
 function showTool() {
   for (const radio of document.querySelectorAll("input[name=tool]")) radio.checked = radio.value === state.tool;
-  $("help").textContent = HELP[state.tool];
+  $("help").textContent = state.adding ? "Click where the new landmark stands." : HELP[state.tool];
   redraw();
 }
 

@@ -58,7 +58,7 @@ const same = (a, b) => Object.keys(a).every((key) => a[key] === b[key]);
 async function readLandmarks(map) {
   const answer = await ask(map.links.landmarks);
   const { landmarks } = await answer.json();
-  set({ marks: landmarks, marksTag: answer.headers.get("ETag"), edited: false });
+  set({ marks: landmarks, marksRead: landmarks, marksTag: answer.headers.get("ETag"), edited: false, adding: false });
 }
 
 function facts(map) {
