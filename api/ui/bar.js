@@ -34,9 +34,10 @@ function paint() {
     parts.push(svg("line", { x1: x, x2: x, y1: 15, y2: 19, class: "axis" }));
     const words = plain(value);
     const half = (DIGIT * words.length) / 2;
-    if (x - half < taken) continue;
-    taken = x + half + DIGIT;
-    const text = svg("text", { x, y: 30, class: "tick", "text-anchor": "middle" });
+    const middle = Math.min(Math.max(x, half), LEFT + WIDTH + LEFT - half); // inside the picture
+    if (middle - half < taken) continue;
+    taken = middle + half + DIGIT;
+    const text = svg("text", { x: middle, y: 30, class: "tick", "text-anchor": "middle" });
     text.textContent = words;
     parts.push(text);
   }

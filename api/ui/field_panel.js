@@ -72,7 +72,7 @@ function labelOf(field) {
   const ability = `${short(((sensor.fov_rad ?? sensor.bearing_sigma_rad) * 180) / Math.PI)}°`;
   const turned = field.headings > 1 ? `, ${field.headings} headings` : field.heading_rad ? `, heading ${degrees(field.heading_rad)}` : "";
   const status = field.status === "ready" ? "" : ` (${field.status})`;
-  return `${KINDS[sensor.kind]} ${ability}, ${range}, cell ${short(field.resolution_m)} m${turned}${status}`;
+  return `${KINDS[sensor.kind]} ${ability}${turned}, cell ${short(field.resolution_m)} m, ${range}${status}`;
 }
 
 const short = (value) => String(Number(value.toPrecision(3)));

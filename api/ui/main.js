@@ -108,7 +108,10 @@ async function open(wanted) {
 
 function chooseTool(tool) {
   set({ tool, adding: false });
-  if (tool === "marks") $("marks-box").open = true;
+  if (tool !== "marks") return;
+  const [box, panel] = [$("marks-box"), $("controls")];
+  box.open = true;
+  panel.scrollTop += box.getBoundingClientRect().top - panel.getBoundingClientRect().top;
 }
 
 function showTool() {
