@@ -37,6 +37,7 @@ async function simulate() {
     const cloud = await sendJson("POST", "/v1/fixes", question);
     if (state.point !== point || state.triplet !== triplet) return;
     set({ cloud });
+    $("cloud-words").scrollIntoView({ block: "nearest" });
     say(words(cloud));
   } catch (error) {
     showTrouble("cloud-trouble", error);

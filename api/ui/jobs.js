@@ -4,6 +4,7 @@ import { $ } from "./dom.js";
 import { getJson, sendJson } from "./http.js";
 
 const EVERY_MS = 700;
+const EARLY = 0.02; // of the work: what is left cannot be told from less
 let current = 0; // the newest watch owns the bar
 let leave = () => {}; // the stream of the one before
 
@@ -63,6 +64,6 @@ function show(job) {
   } else {
     bar.removeAttribute("value");
   }
-  const left = job.eta_s ? `, about ${Math.ceil(job.eta_s)} s left` : "";
+  const left = job.eta_s && done > EARLY * total ? `, about ${Math.ceil(job.eta_s)} s left` : "";
   $("job-words").textContent = total ? `${Math.floor((100 * done) / total)} % of the field${left}` : "The field waits for its turn";
 }
