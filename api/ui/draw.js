@@ -32,7 +32,11 @@ export function landmarks(context, view, marks, selected, used, statuses) {
     }
     const isPale = !isUsed && (statuses.get(mark.id) ?? "measurable") !== "measurable";
     disc(context, x, y, radius, index === selected ? PLACE : isPale ? PALE : LANDMARK);
-    if (isNamed || isUsed || index === selected) label(context, x + radius + 3, y - radius - 1, mark.id);
+    if (isNamed || isUsed || index === selected) {
+      const right = x + radius + 3;
+      const wide = context.measureText(mark.id).width;
+      label(context, right + wide < view.width ? right : x - radius - 3 - wide, y - radius - 1, mark.id);
+    }
   }
 }
 

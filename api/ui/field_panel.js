@@ -71,8 +71,9 @@ function labelOf(field) {
   const range = sensor.max_range_m ? `${short(sensor.max_range_m)} m` : "any range";
   const ability = `${short(((sensor.fov_rad ?? sensor.bearing_sigma_rad) * 180) / Math.PI)}°`;
   const turned = field.headings > 1 ? `, ${field.headings} headings` : field.heading_rad ? `, heading ${degrees(field.heading_rad)}` : "";
+  const all = field.estimator === "all_visible" ? ", all landmarks" : "";
   const status = field.status === "ready" ? "" : ` (${field.status})`;
-  return `${KINDS[sensor.kind]} ${ability}${turned}, cell ${short(field.resolution_m)} m, ${range}${status}`;
+  return `${KINDS[sensor.kind]} ${ability}${turned}${all}, cell ${short(field.resolution_m)} m, ${range}${status}`;
 }
 
 const short = (value) => String(Number(value.toPrecision(3)));
@@ -108,7 +109,7 @@ function follow(job, field) {
       } else if (ended.status === "failed") {
         throw Object.assign(new Error(ended.error ?? "The job failed."), { title: "The field was not computed" });
       } else {
-        await chooseField();
+        await chooseField(state.field?.field); // the one that is shown
         say("The job was stopped.");
       }
     })

@@ -3,7 +3,7 @@
 export class Problem extends Error {
   // document: RFC 9457 members, or nothing where the service could not be reached.
   constructor(status, document, retryAfter = null) {
-    super(document.detail || document.title || `The service answered ${status}.`);
+    super((document.detail ?? "").replaceAll("#/", "") || document.title || `The service answered ${status}.`);
     this.status = status;
     this.title = document.title || "The service answered with an error";
     this.code = document.code || "";

@@ -25,7 +25,7 @@ const HELP = {
 };
 
 const acts = {
-  tapped: (p) => TOOLS[state.tool](p),
+  tapped: (p) => state.map && TOOLS[state.tool](p),
   hovered: (p, isKeyboard = false) => {
     set({ cursor: isKeyboard ? p : null });
     hover(p);
@@ -40,6 +40,7 @@ const acts = {
   dragged: dragMark,
   dropped: () => say("The landmark is moved; save to keep it."),
   pressed: (key, p) => {
+    if (!state.map) return false;
     if (key === "Delete" && state.tool === "marks") return removeMark();
     const keys = { s: () => setEnd("start", p), g: () => setEnd("goal", p), i: () => askAt(p), 0: fit };
     keys[key.toLowerCase()]?.();
@@ -66,7 +67,7 @@ async function start() {
   startMap(acts, (error) => showTrouble("field-trouble", error));
   for (const radio of document.querySelectorAll("input[name=tool]")) radio.addEventListener("change", () => chooseTool(radio.value));
   sendKeyWithDownloads(document.querySelectorAll("a[download]"), failed);
-  listen(["tool", "adding"], showTool);
+  listen(["tool", "adding", "map", "field", "fields"], showTool);
   showTool();
   addEventListener("beforeunload", (event) => {
     if (state.edited) event.preventDefault(); // the browser asks
@@ -95,7 +96,13 @@ async function open(wanted) {
   if (wanted.map && !known) say("The map of this link is not here; another one is shown.");
   const id = known ?? preferredMap();
   if (!id) {
+    $("no-map").hidden = false;
     $("upload-box").open = true;
+    $("page").classList.add("empty");
+    listen(["map"], () => {
+      $("no-map").hidden = true;
+      $("page").classList.remove("empty");
+    });
     return;
   }
   await chooseMap(id, wanted);
@@ -114,9 +121,19 @@ function chooseTool(tool) {
   panel.scrollTop += box.getBoundingClientRect().top - panel.getBoundingClientRect().top;
 }
 
+// What to do next.
+function help() {
+  const { map, field, fields, adding, tool } = state;
+  if (!map) return "";
+  if (adding) return "Click where the new landmark stands.";
+  if (field || tool === "marks") return HELP[tool];
+  if (fields.some(({ status }) => status === "running")) return "The field is being computed; its progress is shown at the left.";
+  return "This map has no field of uncertainty yet: build one at the left, then plan and inspect.";
+}
+
 function showTool() {
   for (const radio of document.querySelectorAll("input[name=tool]")) radio.checked = radio.value === state.tool;
-  $("help").textContent = state.adding ? "Click where the new landmark stands." : HELP[state.tool];
+  $("help").textContent = help();
   redraw();
 }
 

@@ -31,7 +31,7 @@ if CHROMIUM is None:
     pytest.skip("no Chromium here; SUREPATH_CHROMIUM names one", allow_module_level=True)
 # Service and test share a process here, and filters of warnings are not made for two threads.
 pytestmark = pytest.mark.filterwarnings("ignore")
-SOON_MS = 15_000
+SOON_MS = 60_000  # where nothing is compiled yet
 
 
 @pytest.fixture(scope="module")
@@ -268,6 +268,25 @@ def test_a_field_is_built_and_watched(page, served):
     finish(SimpleNamespace(app=served.app), answered.value.json()["job"])
     page.wait_for_selector("#job", state="hidden")
     page.locator("#field-choice option:checked", has_text="cell 1 m").wait_for(state="attached")
+
+
+def test_without_a_map_there_is_one_thing_to_do(page, real):
+    page.base = f"{real.base}/"
+    page.route("**/v1/maps", lambda route: route.fulfill(json={"maps": []}))
+    page.goto(page.base)
+    page.locator("#no-map").wait_for()
+    assert not page.locator("#tools").is_visible()
+    page.mouse.click(600, 300)
+    page.unroute("**/v1/maps")
+    features = [f for f in ROOM["features"] if f["properties"].get("id") != "D"]
+    world = json.dumps({**ROOM, "name": "first", "features": features}).encode()
+    page.set_input_files(
+        "#upload-world", {"name": "w.geojson", "mimeType": "application/json", "buffer": world}
+    )
+    page.click("#upload button")
+    page.locator("#help", has_text="build one at the left").wait_for()
+    assert page.locator("#map-choice option:checked").inner_text() == "first"
+    assert not page.locator("#no-map").is_visible()
 
 
 def test_a_tablet_and_the_dark_show_everything(browser, served):
