@@ -115,10 +115,10 @@ async function open(wanted) {
 
 function chooseTool(tool) {
   set({ tool, adding: false });
-  if (tool !== "marks") return;
-  const [box, panel] = [$("marks-box"), $("controls")];
-  box.open = true;
-  panel.scrollTop += box.getBoundingClientRect().top - panel.getBoundingClientRect().top;
+  if (tool === "look") return;
+  // The panel of the tool takes the place of the other one.
+  $("path-box").open = tool === "path";
+  $("marks-box").open = tool === "marks";
 }
 
 // What to do next.

@@ -56,7 +56,7 @@ def real(tmp_path_factory):
     """The service as it is, with a worker process."""
     settings = Settings(data_dir=tmp_path_factory.mktemp("real"), preload=False, workers=1)
     with serving(api.app.create_app(settings)) as base, httpx.Client(base_url=base) as client:
-        until = time.monotonic() + 200
+        until = time.monotonic() + 280  # the first worker of a machine compiles
         while client.get("/readyz").status_code != 200:
             assert time.monotonic() < until, "the worker did not start"
             time.sleep(0.1)
