@@ -405,31 +405,3 @@ class Plan(Answer):
     unmet: list[Unmet]
     blocked: Blocked | None = Field(description="Where there is no path and it is known; else null.")
     warnings: list[str]
-
-
-class ColorMaps(Answer):
-    """Colour maps and metrics that heatmaps take."""
-
-    colormaps: list[str]
-    default: str
-    metrics: dict[str, dict[str, str]]
-
-
-class Status(Answer):
-    """The service itself."""
-
-    service: str
-    version: str
-    versions: dict[str, str]
-    planners: list[str]
-    limits: dict[str, dict[str, Any]]
-    workers: dict[str, Any]
-    maps: int
-    fields: int
-
-
-class Alive(Answer):
-    """Health."""
-
-    status: str
-    checks: dict[str, bool] = Field(default_factory=dict)
