@@ -247,31 +247,3 @@ class PointValue(Answer):
     ranking: Ranking | None = Field(
         description="At the middle of the cell, where `ranking` asks for it; null otherwise, and outside."
     )
-
-
-class ColorMaps(Answer):
-    """Colour maps and metrics that heatmaps take."""
-
-    colormaps: list[str]
-    default: str
-    metrics: dict[str, dict[str, str]]
-
-
-class Status(Answer):
-    """The service itself."""
-
-    service: str
-    version: str
-    versions: dict[str, str]
-    planners: list[str]
-    limits: dict[str, dict[str, Any]]
-    workers: dict[str, Any]
-    maps: int
-    fields: int
-
-
-class Alive(Answer):
-    """Health."""
-
-    status: str
-    checks: dict[str, bool] = Field(default_factory=dict)

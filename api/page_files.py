@@ -14,6 +14,8 @@ from api.codec import sensor_to_json, to_json_bytes
 from api.codec_records import metrics_to_json
 from api.colormaps import COLORMAPS, DEFAULT_COLORMAP
 from api.render import default_scale
+from api.routes.heatmaps import RENDERER
+from localization.heading_field import MAX_HEADINGS
 from localization.sensors import PRESETS
 from localization.uncertainty_field import METRICS
 
@@ -57,7 +59,7 @@ def base() -> str:
 
 
 def _facts() -> bytes:
-    """Colour tables (256 colours in hexadecimal), metrics and sensor presets."""
+    """Colour tables (256 colours in hexadecimal), metrics, sensor presets, version of the pictures."""
     return to_json_bytes(
         {
             "colormaps": {name: table.tobytes().hex() for name, table in COLORMAPS.items()},
@@ -67,6 +69,9 @@ def _facts() -> bytes:
             },
             "metric_order": list(METRICS),
             "presets": {name: sensor_to_json(sensor) for name, sensor in PRESETS.items()},
+            "depends_on_heading": [name for name, sensor in PRESETS.items() if sensor.depends_on_heading],
+            "max_headings": MAX_HEADINGS,
+            "renderer": RENDERER,
         }
     )
 

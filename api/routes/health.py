@@ -7,7 +7,7 @@ from importlib.metadata import version
 from fastapi import APIRouter
 from starlette.responses import Response
 
-from api import answers
+from api import answers_status
 from api.codec_plan import engine_version
 from api.codec_records import metrics_to_json
 from api.colormaps import COLORMAPS, DEFAULT_COLORMAP
@@ -19,7 +19,7 @@ router = APIRouter(tags=["service"])
 _LIBRARIES = ("numpy", "numba", "ompl", "casadi", "zarr", "fastapi")
 
 
-@router.get("/healthz", responses={200: answer(answers.Alive, "The process answers.")})
+@router.get("/healthz", responses={200: answer(answers_status.Alive, "The process answers.")})
 def healthz() -> Response:
     """Whether the process is alive."""
     return json_response({"status": "ok", "checks": {}})
@@ -28,8 +28,8 @@ def healthz() -> Response:
 @router.get(
     "/readyz",
     responses={
-        200: answer(answers.Alive, "Store and workers answer; every kernel is compiled."),
-        503: answer(answers.Alive, "Not yet, or not any more; `checks` says which part."),
+        200: answer(answers_status.Alive, "Store and workers answer; every kernel is compiled."),
+        503: answer(answers_status.Alive, "Not yet, or not any more; `checks` says which part."),
     },
 )
 def readyz(service: Service_) -> Response:
@@ -47,7 +47,10 @@ def readyz(service: Service_) -> Response:
 
 @router.get(
     "/v1/status",
-    responses={200: answer(answers.Status, "Versions, limits, workers."), **problems("store_unavailable")},
+    responses={
+        200: answer(answers_status.Status, "Versions, limits, workers."),
+        **problems("store_unavailable"),
+    },
 )
 def status(service: Service_) -> Response:
     """Versions, planners, every limit with the setting that moves it, and the state of the workers."""
@@ -66,7 +69,7 @@ def status(service: Service_) -> Response:
     )
 
 
-@router.get("/v1/colormaps", responses={200: answer(answers.ColorMaps, "Names."), **problems()})
+@router.get("/v1/colormaps", responses={200: answer(answers_status.ColorMaps, "Names."), **problems()})
 def colormaps() -> Response:
     """Colour maps and metrics that heatmaps take."""
     return json_response(

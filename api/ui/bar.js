@@ -1,15 +1,16 @@
 // The colour bar: the ramp, round ticks in the metric's unit, what hatching and stripes mean.
 
 import { $, svg } from "./dom.js";
-import { significant, ticks } from "./format.js";
+import { degrees, significant, ticks } from "./format.js";
 import { listen, state } from "./state.js";
 
 const LEFT = 12;
 const WIDTH = 250;
 const STRIPES = 64;
+const DIGIT = 6.5; // width of one in a label, px
 
 export function startBar() {
-  listen(["facts", "field", "range", "metric", "scale", "colormap"], paint);
+  listen(["facts", "field", "range", "metric", "scale", "colormap", "heading"], paint);
 }
 
 function paint() {
@@ -26,18 +27,32 @@ function paint() {
     const fill = `#${table.slice(6 * index, 6 * index + 6)}`;
     parts.push(svg("rect", { x: LEFT + (WIDTH * k) / STRIPES, y: 2, width: WIDTH / STRIPES + 0.6, height: 13, fill }));
   }
+  let taken = 0; // up to here, by the labels before
   for (const value of ticks(low, high, scale)) {
     const t = scale === "log" ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low);
     const x = LEFT + WIDTH * t;
     parts.push(svg("line", { x1: x, x2: x, y1: 15, y2: 19, class: "axis" }));
-    const text = svg("text", { x, y: 30, class: "tick", "text-anchor": "middle" });
-    text.textContent = plain(value);
+    const words = plain(value);
+    const half = (DIGIT * words.length) / 2;
+    const middle = Math.min(Math.max(x, half), LEFT + WIDTH + LEFT - half); // inside the picture
+    if (middle - half < taken) continue;
+    taken = middle + half + DIGIT;
+    const text = svg("text", { x: middle, y: 30, class: "tick", "text-anchor": "middle" });
+    text.textContent = words;
     parts.push(text);
   }
   $("bar-title").textContent = unit ? `${name} [${unit}]` : name;
-  $("bar-title").title = meaning;
+  $("bar-meaning").textContent = `Colours: ${meaning}${over()}.`;
   $("bar-ramp").replaceChildren(...parts);
   $("bar-ramp").setAttribute("aria-label", `Colours: ${meaning}, from ${significant(low)} to ${significant(high)} ${unit}`);
+}
+
+// Of a field over headings.
+function over() {
+  const { field, heading } = state;
+  if (!(field.headings > 1)) return "";
+  if (heading === "best" || heading === "worst") return `, at the ${heading} heading`;
+  return heading === "mean" ? ", mean over the headings with a fix" : `, at the heading ${degrees(Number(heading))}`;
 }
 
 // 0.0030 is 0.003 on an axis.

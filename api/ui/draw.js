@@ -5,7 +5,9 @@ import { significant } from "./format.js";
 export const CHOSEN = "#005ce6";
 export const SHORTEST = "#d64f0c";
 const LANDMARK = "#d62728";
+const PALE = "#e3a9a9";
 const INK = "#20242a";
+const OUTLYING = "#e07000"; // fixes outside the ellipse
 const PLACE = "#c8008c";
 const ENLARGEMENTS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
 const CLEAR_PX = 13; // semi-axis at which an ellipse along a route is seen well
@@ -13,7 +15,8 @@ const SPACING_PX = 34; // between ellipses along a route
 const MOST_PX = 46; // of a drawn semi-axis: larger ones would cover the map, and are drawn smaller and dashed
 const NAMES_FROM_PX = 26; // per landmark and side, on the average: closer, names would cover each other
 
-export function landmarks(context, view, marks, selected, used) {
+// statuses: by id, at the place that is inspected; those that cannot be measured there are pale.
+export function landmarks(context, view, marks, selected, used, statuses) {
   const [x0, y0, x1, y1] = view.window(0.05);
   const seen = marks
     .map((mark, index) => ({ mark, index }))
@@ -27,8 +30,13 @@ export function landmarks(context, view, marks, selected, used) {
     if (mark.facing_rad !== null) {
       line(context, [x, y], [x + 2.6 * radius * Math.cos(mark.facing_rad), y - 2.6 * radius * Math.sin(mark.facing_rad)], LANDMARK, 2);
     }
-    disc(context, x, y, radius, index === selected ? PLACE : LANDMARK);
-    if (isNamed || isUsed || index === selected) label(context, x + radius + 3, y - radius - 1, mark.id);
+    const isPale = !isUsed && (statuses.get(mark.id) ?? "measurable") !== "measurable";
+    disc(context, x, y, radius, index === selected ? PLACE : isPale ? PALE : LANDMARK);
+    if (isNamed || isUsed || index === selected) {
+      const right = x + radius + 3;
+      const wide = context.measureText(mark.id).width;
+      label(context, right + wide < view.width ? right : x - radius - 3 - wide, y - radius - 1, mark.id);
+    }
   }
 }
 
@@ -40,9 +48,9 @@ export function enlargement(axes, scale, clear = CLEAR_PX) {
 }
 
 // True where the ellipse is larger than it is drawn.
-export function ellipse(context, view, p, shape, factor, color) {
+export function ellipse(context, view, p, shape, factor, color, largest = MOST_PX) {
   const [x, y] = view.toScreen(p);
-  const most = view.scale * shape.a_m <= MOST_PX ? MOST_PX : Infinity; // large without help: as it is
+  const most = view.scale * shape.a_m <= largest ? largest : Infinity; // large without help: as it is
   const scale = Math.min(factor * view.scale, most / shape.a_m);
   const isCut = scale < factor * view.scale * 0.999;
   context.save();
@@ -59,27 +67,59 @@ export function ellipse(context, view, p, shape, factor, color) {
 }
 
 // A place that was asked for: its ellipse, the triplet's sight lines, a camera's view, the circle of danger.
-export function point(context, view, { place, answer, triplet, marks, field, factor }) {
+export function point(context, view, { place, answer, triplet, marks, field, cloud, factor }) {
   const ellipse95 = triplet?.ellipse95 ?? answer?.ellipse95;
   const names = triplet?.triplet ?? answer?.triplet ?? [];
   const pan = triplet ? triplet.pan_rad : answer?.pan_rad;
   const sensor = field?.sensor;
-  const eye = sensor ? mounted(place, field.heading_rad, sensor.mount) : place;
+  const heading = answer?.heading_rad ?? field?.heading_rad ?? 0;
+  const eye = sensor ? mounted(place, heading, sensor.mount) : place;
   const at = names.map((name) => marks.find((mark) => mark.id === name)).filter(Boolean);
   if (sensor?.fov_rad && answer?.ellipse95) {
-    const axis = field.heading_rad + sensor.mount.theta_rad + (pan ?? 0);
+    const axis = heading + sensor.mount.theta_rad + (pan ?? 0);
     const far = at.map((mark) => Math.hypot(mark.x_m - eye.x, mark.y_m - eye.y));
     cone(context, view, eye, axis, sensor.fov_rad, Math.min(sensor.max_range_m ?? 1e9, 1.08 * Math.max(1, ...far)));
   }
   for (const mark of at) {
     const ends = [view.toScreen(eye), view.toScreen({ x: mark.x_m, y: mark.y_m })];
     line(context, ...ends, "#ffffff", 4);
+    context.setLineDash(triplet?.blocking?.[mark.id] ? [3, 5] : []);
     line(context, ...ends, PLACE, 1.8);
+    context.setLineDash([]);
   }
-  if (answer?.valid === false && at.length === 3) danger(context, view, at);
-  if (ellipse95) ellipse(context, view, place, ellipse95, factor, PLACE);
+  if (answer?.state === "no_fix" && !triplet) seen(context, view, eye, answer.ranking?.landmarks ?? []);
+  if ((triplet ?? answer)?.valid === false && at.length === 3) danger(context, view, at);
+  if (cloud?.cloud) fixes(context, view, place, cloud, factor);
+  if (ellipse95) ellipse(context, view, place, ellipse95, factor, PLACE, Infinity);
+  if (answer?.headings) arrow(context, view, place, heading);
   const [x, y] = view.toScreen(place);
   disc(context, x, y, 3, PLACE);
+}
+
+// Where there is no fix: the landmarks that can be measured all the same.
+function seen(context, view, eye, marks) {
+  for (const mark of marks.filter(({ status }) => status === "measurable")) {
+    line(context, view.toScreen(eye), view.toScreen({ x: mark.x_m, y: mark.y_m }), PLACE, 1);
+  }
+}
+
+// Errors of simulated fixes around the place, enlarged as its ellipse is.
+function fixes(context, view, place, { cloud, pose }, factor) {
+  const [x, y] = view.toScreen(place);
+  const scale = factor * view.scale;
+  cloud.x_m.forEach((at, k) => {
+    context.fillStyle = cloud.inside[k] ? "rgba(32, 36, 42, 0.55)" : OUTLYING;
+    context.fillRect(x + (at - pose.x_m) * scale - 1, y - (cloud.y_m[k] - pose.y_m) * scale - 1, 2, 2);
+  });
+}
+
+function arrow(context, view, place, heading) {
+  const [x, y] = view.toScreen(place);
+  const tip = (length, turn = 0) => [x + length * Math.cos(heading + turn), y - length * Math.sin(heading + turn)];
+  for (const [color, width] of [["#ffffff", 5], [INK, 2]]) {
+    polyline(context, [[x, y], tip(30)], color, width);
+    polyline(context, [tip(23, 0.22), tip(30), tip(23, -0.22)], color, width);
+  }
 }
 
 function mounted(place, heading, mount) {

@@ -2,8 +2,10 @@
 
 import { $, fillSelect, numberIn, say } from "./dom.js";
 import { degrees } from "./format.js";
-import { getJson, sendJson } from "./http.js";
+import { getJson, query, sendJson } from "./http.js";
 import { watch } from "./jobs.js";
+import { headingsOrdered, showHeadingBoxes } from "./headings.js";
+import { headingOf } from "./heat.js";
 import { chooseRange } from "./map_view.js";
 import { listen, set, state } from "./state.js";
 import { clearTrouble, showTrouble } from "./troubles.js";
@@ -29,7 +31,7 @@ export function startFields() {
   $("opacity").addEventListener("input", () => set({ opacity: Number($("opacity").value) }));
   for (const id of ["low", "high"]) $(id).addEventListener("change", setRange);
   $("sensor").addEventListener("change", fillSensor);
-  $("sensor-kind").addEventListener("change", showKind);
+  for (const id of ["sensor-kind", "headings"]) $(id).addEventListener("change", showKind);
   fillSensor();
   $("build").addEventListener("submit", (event) => {
     event.preventDefault();
@@ -37,19 +39,19 @@ export function startFields() {
   });
   listen(["field"], () => {
     $("get-png").hidden = $("get-npy").hidden = !state.field;
-    if (!state.field) return;
-    $("get-npy").href = state.field.links.values;
     setDownload();
   });
-  listen(["metric", "scale", "colormap", "range"], setDownload);
+  listen(["metric", "scale", "colormap", "range", "heading"], setDownload);
 }
 
 function setDownload() {
   const { field, metric, scale, colormap, range } = state;
-  if (!field || !range) return;
-  const wanted = new URLSearchParams({ metric, scale, colormap_name: colormap, rescale: range.join(","), width: 1600 });
+  if (!field) return;
+  const heading = headingOf(field, state.heading);
+  const wanted = query({ metric, scale, colormap_name: colormap, rescale: range?.join(","), heading, width: 1600 });
   $("get-png").href = `${field.links.heatmap}?${wanted}`;
-  $("get-npy").href = `${field.links.values}?metric=${metric}`;
+  $("get-npy").href = `${field.links.values}?${query({ metric, heading })}`;
+  $("get-npy").download = `${metric}.npy`;
 }
 
 function setRange() {
@@ -68,9 +70,10 @@ function labelOf(field) {
   const { sensor } = field;
   const range = sensor.max_range_m ? `${short(sensor.max_range_m)} m` : "any range";
   const ability = `${short(((sensor.fov_rad ?? sensor.bearing_sigma_rad) * 180) / Math.PI)}°`;
-  const turned = field.heading_rad ? `, heading ${degrees(field.heading_rad)}` : "";
+  const turned = field.headings > 1 ? `, ${field.headings} headings` : field.heading_rad ? `, heading ${degrees(field.heading_rad)}` : "";
+  const all = field.estimator === "all_visible" ? ", all landmarks" : "";
   const status = field.status === "ready" ? "" : ` (${field.status})`;
-  return `${KINDS[sensor.kind]} ${ability}, ${range}, cell ${short(field.resolution_m)} m${turned}${status}`;
+  return `${KINDS[sensor.kind]} ${ability}${turned}${all}, cell ${short(field.resolution_m)} m, ${range}${status}`;
 }
 
 const short = (value) => String(Number(value.toPrecision(3)));
@@ -86,11 +89,12 @@ export async function chooseField(wanted) {
   const isReady = found?.status === "ready";
   $("field-choice").value = found?.field ?? "";
   $("no-field").hidden = Boolean(found);
+  if (state.heading !== "best" && !(found?.headings > 1)) set({ heading: "best" });
   set({ field: isReady ? found : null, plan: null, point: null, triplet: null, trouble: [], range: null });
   if (isReady) await chooseRange();
   else if (found?.status === "running") follow(`/v1/jobs/${found.job}`, found.field);
   else if (found?.error) failed(Object.assign(new Error(found.error), { title: "This field failed" }));
-  else if (!found) $("build-box").open = true;
+  else if (!found && state.tool !== "marks") $("build-box").open = true;
 }
 
 function follow(job, field) {
@@ -105,7 +109,7 @@ function follow(job, field) {
       } else if (ended.status === "failed") {
         throw Object.assign(new Error(ended.error ?? "The job failed."), { title: "The field was not computed" });
       } else {
-        await chooseField();
+        await chooseField(state.field?.field); // the one that is shown
         say("The job was stopped.");
       }
     })
@@ -132,6 +136,7 @@ export const sameOrder = (field, map) => ({
   sensor: field.sensor,
   resolution_m: field.resolution_m,
   heading_rad: field.heading_rad,
+  headings: field.headings,
   estimator: field.estimator,
   criterion: field.criterion,
 });
@@ -156,6 +161,13 @@ function showKind() {
   const isCamera = $("sensor-kind").value !== "omnidirectional";
   $("laser-only").hidden = isCamera;
   $("camera-only").hidden = !isCamera;
+  showHeadingBoxes(dependsOnHeading());
+}
+
+function dependsOnHeading() {
+  const { presets, depends_on_heading: names } = state.facts;
+  const sensor = $("sensor").value;
+  return sensor in presets ? names.includes(sensor) : $("sensor-kind").value === "pinhole_fixed";
 }
 
 function orderFromForm() {
@@ -163,7 +175,7 @@ function orderFromForm() {
     map: state.map.map,
     sensor: $("sensor").value === "own" ? ownSensor() : $("sensor").value,
     resolution_m: numberIn("resolution") ?? 0.1,
-    heading_rad: ((numberIn("heading") ?? 0) * Math.PI) / 180,
+    ...headingsOrdered(dependsOnHeading()),
     criterion: $("criterion").value,
   };
 }

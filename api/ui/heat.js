@@ -2,13 +2,12 @@
 // not matter here. The last picture stays, moved along, until the next one is there.
 
 import { busy } from "./dom.js";
-import { getPicture, query } from "./http.js";
+import { getJson, getPicture, query } from "./http.js";
+import { state } from "./state.js";
 
 const MARGIN = 0.2; // more than is in view, so that small moves show no edge
 const WAIT_MS = 140; // after the last move
 const MOST_PIXELS = 1.6e6;
-const RENDERER = 2; // part of the address: one version of the service's pictures
-const WIDEST = [1e-9, 1e5]; // values that any metric may have
 
 export class Heat {
   constructor(redraw, failed) {
@@ -25,7 +24,7 @@ export class Heat {
     this.window = null;
   }
 
-  // colours: {metric, scale, colormap, range}
+  // colours: {metric, scale, colormap, range, heading}
   show(field, colours, view) {
     clearTimeout(this.timer);
     this.timer = setTimeout(() => this.load(field, colours, view), this.overview ? WAIT_MS : 0);
@@ -106,50 +105,23 @@ function covers(box, seen, bounds) {
   );
 }
 
-function address(field, { metric, scale, colormap, range }) {
-  const rescale = range.join(",");
-  const wanted = { metric, scale, colormap_name: colormap, rescale, legend: false, landmarks: false, v: RENDERER };
-  return `${field.links.heatmap}?${query(wanted)}`;
+function address(field, { metric, scale, colormap, range, heading }) {
+  const shown = { metric, scale, colormap_name: colormap, rescale: range.join(","), heading: headingOf(field, heading) };
+  return `${field.links.heatmap}?${query({ ...shown, legend: false, landmarks: false, v: state.facts.renderer })}`;
 }
 
-// Ends of the colours that suit the whole field: 1st and 99th percentile, read off two small grey pictures (one
-// finds the decades, the next the digits). Every part of the map is then shown in the same colours.
-export async function suitableRange(field, metric, scale) {
-  let range = WIDEST;
-  let found = null;
-  for (let pass = 0; pass < 2; pass += 1) {
-    const colours = { metric, scale: "log", colormap: "gray", range };
-    const picture = await busy(getPicture(`${address(field, colours)}&max_size=400`));
-    found = percentiles(levels(picture), range);
-    if (!found) return [0.01, 1];
-    range = [found[0] / 1.3, found[1] * 1.3];
-  }
-  let [low, high] = found;
+// Fields of one heading take none.
+export const headingOf = (field, heading) => (field.headings > 1 ? heading : null);
+
+// Ends of the colours that suit the whole field: 1st and 99th percentile. Every part of the map is then shown in
+// the same colours.
+export async function suitableRange(field, metric, scale, heading) {
+  const asked = query({ metric, percentiles: "1,99", bins: 1, heading: headingOf(field, heading) });
+  const { percentiles } = await busy(getJson(`${field.links.statistics}?${asked}`));
+  let [low, high] = percentiles.map((found) => found.value);
+  if (high === null) return [0.01, 1]; // no value anywhere
   if (scale === "linear") low = 0;
+  else if (low <= 0) low = high > 0 ? high / 1000 : 0.01; // of counts and shares
   if (!(high > low * 1.001)) high = low > 0 ? low * 2 : 1;
   return [Number(low.toPrecision(2)), Number(high.toPrecision(2))];
-}
-
-function levels(picture) {
-  const canvas = new OffscreenCanvas(picture.width, picture.height);
-  const context = canvas.getContext("2d", { willReadFrequently: true });
-  context.drawImage(picture, 0, 0);
-  const { data } = context.getImageData(0, 0, picture.width, picture.height);
-  const counts = new Uint32Array(256);
-  // Floor, walls and hatching have tints; what is grey through and through is a value.
-  for (let k = 0; k < data.length; k += 4) {
-    if (data[k] === data[k + 1] && data[k] === data[k + 2]) counts[data[k]] += 1;
-  }
-  return counts;
-}
-
-function percentiles(counts, [low, high]) {
-  const total = counts.reduce((sum, n) => sum + n, 0);
-  if (!total) return null;
-  const at = (share) => {
-    let seen = 0;
-    const level = counts.findIndex((n) => (seen += n) >= share * total);
-    return low * (high / low) ** (level / 255);
-  };
-  return [at(0.01), at(0.99)];
 }

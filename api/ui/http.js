@@ -3,7 +3,7 @@
 export class Problem extends Error {
   // document: RFC 9457 members, or nothing where the service could not be reached.
   constructor(status, document, retryAfter = null) {
-    super(document.detail || document.title || `The service answered ${status}.`);
+    super((document.detail ?? "").replaceAll("#/", "") || document.title || `The service answered ${status}.`);
     this.status = status;
     this.title = document.title || "The service answered with an error";
     this.code = document.code || "";
@@ -87,14 +87,6 @@ export function sendKeyWithDownloads(links, failed) {
       }
     });
   }
-}
-
-// Paths that the service has, by its own description: asking for one that it lacks would be an error in the
-// console, and a page must work with services older than itself.
-let described;
-export async function offers(path, method = "get") {
-  described ??= getJson("/openapi.json").catch(() => ({ paths: {} }));
-  return Boolean((await described).paths?.[path]?.[method]);
 }
 
 export function query(values) {

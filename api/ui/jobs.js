@@ -1,46 +1,62 @@
-// A job's progress, by server-sent events where the service has them, else by asking again and again.
+// A job's progress, as the service tells it: server-sent events, and asking again and again where they cannot be had.
 
 import { $ } from "./dom.js";
-import { getJson, offers, sendJson } from "./http.js";
+import { getJson, sendJson } from "./http.js";
 
 const EVERY_MS = 700;
-const EVENTS = "/v1/jobs/{job}/events";
+const EARLY = 0.02; // of the work: what is left cannot be told from less
 let current = 0; // the newest watch owns the bar
+let leave = () => {}; // the stream of the one before
 
 export async function watch(path) {
   const mine = ++current;
+  const isWatched = () => mine === current;
+  leave();
   $("job").hidden = false;
   $("job-stop").onclick = () => sendJson("DELETE", path).catch(() => {}); // it may have ended just now
   let job = await getJson(path);
-  const next = (await offers(EVENTS)) ? changes(path) : null;
-  while (!ended(job) && mine === current) {
-    show(job);
-    await (next?.isOpen() ? Promise.race([next.changed(), pause(5 * EVERY_MS)]) : pause(EVERY_MS));
-    job = await getJson(path);
+  const told = (news) => {
+    job = { ...job, ...news };
+    if (isWatched()) show(job);
+  };
+  told({});
+  if (!ended(job) && isWatched()) await stream(job.links.events, told);
+  while (!ended(job) && isWatched()) {
+    await pause(EVERY_MS);
+    told(await getJson(path));
   }
-  next?.close();
-  if (mine === current) $("job").hidden = true;
+  if (isWatched()) $("job").hidden = true;
   return job;
 }
 
 const ended = (job) => ["successful", "failed", "dismissed"].includes(job.status);
 const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 
-// The events say that something changed; what, is always read from the job itself.
-function changes(path) {
-  const source = new EventSource(`${path}/events`);
-  let wake = () => {};
-  for (const kind of ["progress", "tile", "done", "message"]) source.addEventListener(kind, () => wake());
-  source.onerror = () => source.close(); // the slow way remains
-  return {
-    isOpen: () => source.readyState !== EventSource.CLOSED,
-    changed: () => new Promise((resolve) => (wake = resolve)),
-    close: () => source.close(),
-  };
+// Until the job has ended, the service refuses the stream, or another job is watched. A stream that was cut is
+// taken up again by the browser, from the last event that it saw.
+function stream(path, told) {
+  return new Promise((resolve) => {
+    const source = new EventSource(path);
+    leave = () => {
+      source.close();
+      resolve();
+    };
+    const read = (event) => JSON.parse(event.data);
+    source.addEventListener("tile", (event) => told({ tiles: read(event) }));
+    source.addEventListener("progress", (event) => told(read(event)));
+    source.addEventListener("done", (event) => {
+      told(read(event));
+      leave();
+    });
+    source.addEventListener("error", () => {
+      if (source.readyState === EventSource.CLOSED) leave();
+      else $("job-words").textContent = "The service does not answer; trying again …";
+    });
+  });
 }
 
 function show(job) {
-  const { done, total } = job.tiles ?? {};
+  const { done, total } = job.tiles;
   const bar = $("job-bar");
   if (total) {
     bar.max = total;
@@ -48,6 +64,6 @@ function show(job) {
   } else {
     bar.removeAttribute("value");
   }
-  const left = job.eta_s ? `, about ${Math.ceil(job.eta_s)} s left` : "";
+  const left = job.eta_s && done > EARLY * total ? `, about ${Math.ceil(job.eta_s)} s left` : "";
   $("job-words").textContent = total ? `${Math.floor((100 * done) / total)} % of the field${left}` : "The field waits for its turn";
 }

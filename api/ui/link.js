@@ -20,6 +20,7 @@ export function readLink() {
   return {
     map: given.get("map"),
     field: given.get("field"),
+    heading: given.get("heading"),
     metric: given.get("metric"),
     scale: given.get("scale"),
     colormap: given.get("colors"),
@@ -35,7 +36,7 @@ export function readLink() {
 
 // controls(): the plan's controls that differ from what they were, as a query
 export function keepLink(controls) {
-  const keys = ["map", "field", "metric", "scale", "colormap", "opacity", "low", "high", "view", "place", "start", "goal", "plan"];
+  const keys = ["map", "field", "heading", "metric", "scale", "colormap", "opacity", "low", "high", "view", "place", "start", "goal", "plan"];
   listen(keys, () => {
     clearTimeout(timer);
     timer = setTimeout(() => history.replaceState(null, "", `#${write(controls())}`), WAIT_MS);
@@ -47,6 +48,7 @@ function write(controls) {
   const wanted = {
     map: state.map?.map,
     field: state.field?.field,
+    heading: state.field?.headings > 1 ? state.heading : null,
     metric: state.metric,
     scale: state.scale,
     colors: state.colormap,

@@ -2,12 +2,14 @@
 
 import { startBar } from "./bar.js";
 import { $, say } from "./dom.js";
+import { startClouds } from "./cloud_panel.js";
 import { startFields } from "./field_panel.js";
+import { isHeading, startHeadings } from "./headings.js";
 import { getJson, sendKeyWithDownloads } from "./http.js";
 import { keepLink, readLink } from "./link.js";
 import { chooseMap, loadMaps, preferredMap, startMaps } from "./map_panel.js";
 import { fit, lookAt, redraw, startMap } from "./map_view.js";
-import { clickMark, dragMark, markAt, startMarks } from "./marks_panel.js";
+import { clickMark, dragMark, markAt, removeMark, startMarks } from "./marks_panel.js";
 import { clickEnd, controlsInLink, plan, setControls, setEnd, startPlans } from "./plan_panel.js";
 import { askAt, hover, startPoint } from "./point_panel.js";
 import { startProfile } from "./profile.js";
@@ -17,13 +19,13 @@ import { showTrouble } from "./troubles.js";
 const failed = (error) => showTrouble("map-trouble", error);
 const TOOLS = { path: clickEnd, look: askAt, marks: clickMark };
 const HELP = {
-  path: "Click start, then goal.",
+  path: "Click start, then goal, for a path.",
   look: "Click a place to see its ellipse and why it is good or bad.",
-  marks: "Click a landmark to choose it; drag to move it.",
+  marks: "Click a landmark to choose it, drag to move it; then save at the left.",
 };
 
 const acts = {
-  tapped: (p) => TOOLS[state.tool](p),
+  tapped: (p) => state.map && TOOLS[state.tool](p),
   hovered: (p, isKeyboard = false) => {
     set({ cursor: isKeyboard ? p : null });
     hover(p);
@@ -38,6 +40,8 @@ const acts = {
   dragged: dragMark,
   dropped: () => say("The landmark is moved; save to keep it."),
   pressed: (key, p) => {
+    if (!state.map) return false;
+    if (key === "Delete" && state.tool === "marks") return removeMark();
     const keys = { s: () => setEnd("start", p), g: () => setEnd("goal", p), i: () => askAt(p), 0: fit };
     keys[key.toLowerCase()]?.();
     return key.toLowerCase() in keys;
@@ -52,16 +56,18 @@ async function start() {
   takeOver(wanted);
   startMaps();
   startFields();
+  startHeadings();
   startBar();
   startPlans();
   startPoint();
+  startClouds();
   startProfile();
   startMarks();
   setControls(wanted.controls);
   startMap(acts, (error) => showTrouble("field-trouble", error));
-  for (const radio of document.querySelectorAll("input[name=tool]")) radio.addEventListener("change", () => set({ tool: radio.value }));
+  for (const radio of document.querySelectorAll("input[name=tool]")) radio.addEventListener("change", () => chooseTool(radio.value));
   sendKeyWithDownloads(document.querySelectorAll("a[download]"), failed);
-  listen(["tool"], showTool);
+  listen(["tool", "adding", "map", "field", "fields"], showTool);
   showTool();
   addEventListener("beforeunload", (event) => {
     if (state.edited) event.preventDefault(); // the browser asks
@@ -72,8 +78,9 @@ async function start() {
   await open(wanted);
 }
 
-function takeOver({ metric, scale, colormap, opacity, range }) {
+function takeOver({ heading, metric, scale, colormap, opacity, range }) {
   const { metrics, colormaps } = state.facts;
+  if (isHeading(heading)) set({ heading });
   if (metric in metrics) set({ metric, scale: metrics[metric].scale });
   if (scale === "log" || scale === "linear") set({ scale });
   if (colormap in colormaps) set({ colormap });
@@ -89,7 +96,13 @@ async function open(wanted) {
   if (wanted.map && !known) say("The map of this link is not here; another one is shown.");
   const id = known ?? preferredMap();
   if (!id) {
+    $("no-map").hidden = false;
     $("upload-box").open = true;
+    $("page").classList.add("empty");
+    listen(["map"], () => {
+      $("no-map").hidden = true;
+      $("page").classList.remove("empty");
+    });
     return;
   }
   await chooseMap(id, wanted);
@@ -100,9 +113,27 @@ async function open(wanted) {
   if (wanted.start && wanted.goal) await plan();
 }
 
+function chooseTool(tool) {
+  set({ tool, adding: false });
+  if (tool === "look") return;
+  // The panel of the tool takes the place of the other one.
+  $("path-box").open = tool === "path";
+  $("marks-box").open = tool === "marks";
+}
+
+// What to do next.
+function help() {
+  const { map, field, fields, adding, tool } = state;
+  if (!map) return "";
+  if (adding) return "Click where the new landmark stands.";
+  if (field || tool === "marks") return HELP[tool];
+  if (fields.some(({ status }) => status === "running")) return "The field is being computed; its progress is shown at the left.";
+  return "This map has no field of uncertainty yet: build one at the left, then plan and inspect.";
+}
+
 function showTool() {
   for (const radio of document.querySelectorAll("input[name=tool]")) radio.checked = radio.value === state.tool;
-  $("help").textContent = HELP[state.tool];
+  $("help").textContent = help();
   redraw();
 }
 

@@ -28,7 +28,7 @@ export async function loadMaps() {
   set({ maps });
   const times = new Map();
   for (const { name } of maps) times.set(name, (times.get(name) ?? 0) + 1);
-  const label = (m) => (times.get(m.name) > 1 ? `${m.name} · ${m.landmarks} landmarks · ${m.created.slice(0, 16).replace("T", " ")}` : m.name);
+  const label = (m) => (times.get(m.name) > 1 ? `${m.name}, ${m.created.slice(5, 16).replace("T", " ")} UTC, ${m.landmarks} landmarks` : m.name);
   fillSelect($("map-choice"), maps.map((m) => [m.map, label(m)]), state.map?.map);
   $("map-choice").disabled = !maps.length;
   if (!maps.length) say("There is no map yet. Upload one to begin.");
@@ -58,7 +58,7 @@ const same = (a, b) => Object.keys(a).every((key) => a[key] === b[key]);
 async function readLandmarks(map) {
   const answer = await ask(map.links.landmarks);
   const { landmarks } = await answer.json();
-  set({ marks: landmarks, marksTag: answer.headers.get("ETag"), edited: false });
+  set({ marks: landmarks, marksRead: landmarks, marksTag: answer.headers.get("ETag"), edited: false, adding: false });
 }
 
 function facts(map) {

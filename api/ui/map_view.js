@@ -24,21 +24,21 @@ export function startMap(acts, failed) {
   $("zoom-in").addEventListener("click", () => zoomBy(1.5));
   $("zoom-out").addEventListener("click", () => zoomBy(1 / 1.5));
   $("fit").addEventListener("click", fit);
-  listen(["field", "range", "colormap"], () => {
+  listen(["field", "range", "colormap", "heading"], () => {
     if (!state.field) heat.clear();
     show();
   });
-  listen(["marks", "mark", "cursor", "point", "place", "triplet", "start", "goal", "plan", "route", "along", "opacity", "trouble"], redraw);
-  listen(["metric", "scale"], () => chooseRange().catch(failed));
+  listen(["marks", "mark", "cursor", "point", "place", "triplet", "start", "goal", "plan", "route", "along", "opacity", "trouble", "cloud"], redraw);
+  listen(["metric", "scale", "heading"], () => chooseRange().catch(failed));
 }
 
 // Ends of the colours: what was typed, else what suits the field.
 export async function chooseRange() {
-  const { field, metric, scale, low, high } = state;
+  const { field, metric, scale, heading, low, high } = state;
   if (!field) return;
   const isTyped = low !== null && high !== null && isRange(low, high, scale);
-  const found = isTyped ? [low, high] : await suitableRange(field, metric, scale);
-  if (field !== state.field || metric !== state.metric || scale !== state.scale) return; // changed meanwhile
+  const found = isTyped ? [low, high] : await suitableRange(field, metric, scale, heading);
+  if (field !== state.field || metric !== state.metric || scale !== state.scale || heading !== state.heading) return; // changed meanwhile
   const range = [low ?? found[0], high ?? found[1]];
   if (isRange(...range, scale)) {
     set({ range });
@@ -86,8 +86,8 @@ function moved() {
 function show() {
   set({ view: {} }); // for the permalink
   if (state.field && state.range && state.field.status === "ready") {
-    const { metric, scale, colormap, range } = state;
-    heat.show(state.field, { metric, scale, colormap, range }, view);
+    const { metric, scale, colormap, range, heading } = state;
+    heat.show(state.field, { metric, scale, colormap, range, heading }, view);
   }
   redraw();
 }
@@ -112,15 +112,15 @@ function paint() {
   floor.draw(context, view);
   if (state.field) heat.draw(context, view, state.field.bounds, state.opacity);
   const used = state.point ? (state.triplet?.triplet ?? state.point.triplet ?? []) : [];
-  draw.landmarks(context, view, state.marks, state.mark, used);
+  draw.landmarks(context, view, state.marks, state.mark, used, statuses());
   const factor = enlargementNow();
   const along = alongNow();
   let isCut = paintRoutes(context, factor);
   if (state.place) {
-    const { place, point, triplet, marks, field } = state;
+    const { place, point, triplet, marks, field, cloud } = state;
     const own = enlargementOfPoint();
-    draw.point(context, view, { place, answer: point, triplet, marks, field, factor: own });
-    $("place-drawn").textContent = own > 1 && point ? `Its ellipse is drawn ${own} × larger.` : "";
+    draw.point(context, view, { place, answer: point, triplet, marks, field, cloud, factor: own });
+    $("place-drawn").textContent = own > 1 && point ? `Its ellipse${cloud?.cloud ? " and the fixes are" : " is"} drawn ${own} × larger.` : "";
   }
   const larger = factor > 1 ? `Ellipses drawn ${factor} × larger` : "";
   $("enlarged").textContent = isCut ? `${larger}, dashed ones less` : larger;
@@ -130,6 +130,11 @@ function paint() {
   for (const p of along) draw.cursor(context, view, { x: p.x_m, y: p.y_m });
   if (state.cursor) draw.cursor(context, view, state.cursor);
   draw.measure(context, view);
+}
+
+// What the inspected place has to say of each landmark.
+function statuses() {
+  return new Map((state.point?.ranking?.landmarks ?? []).map((mark) => [mark.id, mark.status]));
 }
 
 function routesShown() {

@@ -9,25 +9,27 @@ import { listen, set, state } from "./state.js";
 import { clearTrouble, showTrouble } from "./troubles.js";
 
 const REACH_PX = 14; // of a pointer to a landmark
-let isAdding = false;
+let like = null; // the field that was shown last: a new version of its map gets one like it
 let listed = [null]; // names in the list; null: it was never filled
 
 export function startMarks() {
   $("mark-choice").addEventListener("change", () => set({ mark: $("mark-choice").value === "" ? null : Number($("mark-choice").value) }));
   for (const id of ["mark-id", "mark-x", "mark-y", "mark-facing"]) $(id).addEventListener("change", fromForm);
   $("mark-add").addEventListener("click", () => {
-    isAdding = true;
-    set({ tool: "marks" });
+    set({ tool: "marks", adding: true });
     say("Click on the map where the landmark stands, or press Enter at the cursor.");
   });
-  $("mark-remove").addEventListener("click", () => {
-    if (state.mark === null) return;
-    edit(state.marks.filter((_, k) => k !== state.mark), null);
-    say("The landmark is removed; save to keep it so.");
+  $("mark-remove").addEventListener("click", removeMark);
+  $("marks-save").addEventListener("click", () => save().catch(failed));
+  $("marks-discard").addEventListener("click", () => {
+    clearTrouble("marks-trouble");
+    set({ marks: state.marksRead, mark: null, edited: false });
   });
-  $("marks-save").addEventListener("click", () => save().catch((error) => showTrouble("marks-trouble", inWords(error))));
-  $("marks-discard").addEventListener("click", () => chooseMap(state.map.map, { field: state.field?.field }).catch((e) => showTrouble("marks-trouble", e)));
   listen(["marks", "mark"], show);
+  listen(["map"], () => clearTrouble("marks-trouble"));
+  listen(["field"], () => {
+    if (state.field) like = { field: state.field, name: state.map.name };
+  });
   listen(["edited"], () => ($("marks-save").disabled = $("marks-discard").disabled = !state.edited));
   show();
 }
@@ -41,14 +43,22 @@ export function markAt(p) {
 }
 
 export function clickMark(p) {
-  if (!isAdding) {
+  if (!state.adding) {
     set({ mark: markAt(p) });
     return;
   }
-  isAdding = false;
+  set({ adding: false });
   const added = { id: freshName(), x_m: rounded(p.x), y_m: rounded(p.y), facing_rad: null, half_angle_rad: Math.PI, sigma_m: 0 };
   edit([...state.marks, added], state.marks.length);
   say(`Landmark ${added.id} is added; save to keep it.`);
+}
+
+// Whether there was one to remove.
+export function removeMark() {
+  if (state.mark === null) return false;
+  edit(state.marks.filter((_, k) => k !== state.mark), null);
+  say("The landmark is removed; save to keep it so.");
+  return true;
 }
 
 export function dragMark(p) {
@@ -104,18 +114,16 @@ function show() {
   $("mark-facing").value = chosen && chosen.facing_rad !== null ? Number(((chosen.facing_rad * 180) / Math.PI).toFixed(2)) : "";
 }
 
-// The new version gets a field like the one that was shown.
 async function save() {
   clearTrouble("marks-trouble");
-  const { map, field } = state;
-  const headers = state.marksTag ? { "If-Match": state.marksTag } : {};
-  const stored = await sendJson("PUT", `/v1/maps/${map.map}/landmarks`, { landmarks: state.marks }, headers);
+  const { map } = state;
+  const sent = { map: map.map, landmarks: state.marks };
+  const stored = await sendJson("PUT", map.links.landmarks, sent, { "If-Match": state.marksTag });
   keepColours();
   await loadMaps();
-  if (!state.maps.some((m) => m.map === stored.map)) set({ maps: [await getJson(`/v1/maps/${stored.map}`), ...state.maps] });
   await chooseMap(stored.map);
   say("The landmarks are kept as a new version of the map.");
-  if (field && !state.field) await order(sameOrder(field, stored.map));
+  if (like?.name === stored.name) await order(sameOrder(like.field, stored.map));
 }
 
 // The new field in the colours of the old one, so that the change is seen; emptying the boxes undoes it.
@@ -126,13 +134,24 @@ function keepColours() {
   set({ low, high });
 }
 
-function inWords(error) {
-  if (error.status === 404 || error.status === 405) {
-    error.title = "Landmarks cannot be changed here";
-    error.message = "This service cannot store changed landmarks yet, or the map is gone. The picture keeps your changes until you discard them.";
-  } else if (error.status === 412) {
-    error.title = "Somebody changed this map meanwhile";
-    error.message = "Discard, look at the newest version, and make your change there.";
+function failed(error) {
+  if (error.status === 412) {
+    error.title = "This is not the newest version of the map";
+    error.message = "Other landmarks were saved meanwhile, or an older version was chosen. Your changes are still in the picture, nothing is lost.";
   }
-  return error;
+  showTrouble("marks-trouble", error, { rebase: (newest) => rebase(newest).catch(failed) });
+}
+
+// The same changes on the newest version: where both changed a landmark, the ones made here hold.
+async function rebase(newest) {
+  const before = new Map(state.marksRead.map((mark) => [mark.id, JSON.stringify(mark)]));
+  const after = new Set(state.marks.map((mark) => mark.id));
+  const changed = new Map(state.marks.filter((mark) => before.get(mark.id) !== JSON.stringify(mark)).map((mark) => [mark.id, mark]));
+  keepColours();
+  await loadMaps();
+  await chooseMap(newest);
+  const kept = state.marks.filter((mark) => after.has(mark.id) || !before.has(mark.id)).map((mark) => changed.get(mark.id) ?? mark);
+  const ids = new Set(kept.map((mark) => mark.id));
+  edit([...kept, ...[...changed.values()].filter((mark) => !ids.has(mark.id))], null);
+  say("Your changes are on the newest version now; look, then save.");
 }

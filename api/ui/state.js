@@ -6,7 +6,9 @@ export const state = {
   map: null, // as /v1/maps/{m} tells it
   marks: [], // landmarks as shown; differ from the map's while they are edited
   marksTag: null, // ETag under which the landmarks were read
+  marksRead: [], // as they were read
   edited: false,
+  adding: false, // the next click on the map is where a landmark stands
   mark: null, // index of the landmark that is selected
   fields: [],
   field: null,
@@ -15,6 +17,7 @@ export const state = {
   scale: "log",
   colormap: "viridis",
   opacity: 0.85,
+  heading: "best", // of a field over headings: best, worst, mean, or an angle in rad
   range: null, // ends of the colours that are shown
   low: null, // ends of the colours that somebody typed
   high: null,
@@ -23,6 +26,7 @@ export const state = {
   place: null, // that was asked for: {x, y}
   point: null, // what the service said of it
   triplet: null, // shown instead of the best one: a row of the ranking
+  cloud: null, // fixes simulated at the place
   start: null,
   goal: null,
   plan: null,

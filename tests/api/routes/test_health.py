@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from api import answers
+from api import answers_status
 from api.store_records import StoreUnavailable
 
 
@@ -10,7 +10,7 @@ def test_alive_and_ready(client):
     assert client.get("/healthz").json()["status"] == "ok"
     ready = client.get("/readyz")
     assert ready.status_code == 200
-    answers.Alive.model_validate(ready.json())
+    answers_status.Alive.model_validate(ready.json())
 
 
 def test_not_ready_says_what_is_missing(client, monkeypatch):
@@ -29,7 +29,7 @@ def test_not_ready_says_what_is_missing(client, monkeypatch):
 
 def test_status_shows_every_limit_with_its_setting(client, field):
     status = client.get("/v1/status").json()
-    answers.Status.model_validate(status)
+    answers_status.Status.model_validate(status)
     assert (status["maps"], status["fields"]) == (1, 1)
     assert status["limits"]["max_body_bytes"]["value"] == 100_000
     for limit in status["limits"].values():
@@ -38,6 +38,6 @@ def test_status_shows_every_limit_with_its_setting(client, field):
 
 def test_colormaps(client):
     answer = client.get("/v1/colormaps").json()
-    answers.ColorMaps.model_validate(answer)
+    answers_status.ColorMaps.model_validate(answer)
     assert "viridis" in answer["colormaps"]
     assert answer["metrics"]["area95_m2"]["unit"] == "m²"

@@ -127,10 +127,14 @@ def test_a_service_that_stops_ends_its_streams(client, room, monkeypatch):
     service, free = client.app.state.service, []
 
     def stop():
+        until = time.monotonic() + 20
+        while service._streams._value == service.settings.max_streams and time.monotonic() < until:
+            time.sleep(0.01)
+        time.sleep(0.1)  # the first event is on its way
         free.append(service._streams._value)
         service.stopping.set()
 
-    threading.Timer(0.2, stop).start()
+    threading.Thread(target=stop).start()
     events = events_of(client.get(f"/v1/jobs/{job}/events"))
     assert [e["kind"] for e in events] == ["progress"]
     assert free == [service.settings.max_streams - 1], "the place is taken as long as the stream lasts"
