@@ -10,6 +10,7 @@ import shapely
 from api import answers_many
 from api.codec_matrix import LAYERS
 from api.schemas_many import METRICS
+from planner.plan import warm_up
 from tests.api.conftest import problem_of
 
 ROBOT = {"radius_m": 0.2}
@@ -153,6 +154,7 @@ def test_a_simulation_of_a_plan(gallery):
 
 
 def test_an_outline_is_simulated_as_one(gallery):
+    warm_up()  # workers have compiled everything before they answer
     corners = [{"x_m": x, "y_m": y} for x, y in ((0.4, 0.2), (-0.4, 0.2), (-0.4, -0.2), (0.4, -0.2))]
     question = {**PLAN, "robot": {"footprint": corners}, "include": ["schedule"], "field": gallery.id}
     question["deadline_s"] = 20
