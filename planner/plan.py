@@ -228,12 +228,8 @@ def _within_risk(
             return careful, other
     # Smoothing may pass closer; lines with stops at their corners are slow, but keep what was asked.
     for points in (shorten(way.points, way.graph.cost_space)[0], way.points):
-        plain = annotate(
-            _timed(points, problem),
-            context,
-            way.graph.cost_space,
-            cost=_asked_cost(points, problem, context),
-        )
+        cost = _asked_cost(points, problem, context)
+        plain = annotate(_timed(points, problem), context, way.graph.cost_space, cost=cost)
         if keeps_risk(plain, limit):
             work.warnings.append(
                 f"A smooth path would exceed the collision probability of {limit:g}; the route stops at its "
@@ -405,17 +401,12 @@ def warm_up() -> None:
     sampling.warm_up()
     smoothing.warm_up()
     warm_up_poses()
+    small = PlanningProblem((1.0, 1.0), (5.0, 5.0), 0.2, deadline=30.0)
     for bound in (None, 0.05):
-        plan(
-            PlanningProblem((1.0, 1.0), (5.0, 5.0), 0.2, max_r95=bound, deadline=30.0, refine=50),
-            context,
-            report=lambda _: None,
-        )
+        plan(replace(small, max_r95=bound, refine=50), context, report=lambda _: None)
     belief_plan.warm_up(context)
     risk.warm_up(context.clearance, context.field.frame, context.centre_clearance)
     warm_up_fixes()
     outline = ((0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2), (0.3, -0.2))
-    shaped = PlanningProblem((1.0, 1.0), (5.0, 5.0), 0.2, footprint=outline, deadline=30.0)
-    plan(replace(shaped, kinematics="differential"), context)
-    across = shapely.box(2.9, -1.0, 3.1, 9.0)
-    plan(PlanningProblem((1.0, 1.0), (5.0, 5.0), 0.2, avoid=(across,), deadline=30.0), context)
+    plan(replace(small, footprint=outline, kinematics="differential"), context)
+    plan(replace(small, avoid=(shapely.box(2.9, -1.0, 3.1, 9.0),)), context)
