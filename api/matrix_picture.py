@@ -9,14 +9,13 @@ from PIL import Image, ImageDraw
 
 from api import canvas, layers
 from api.colormaps import COLORMAPS
+from api.sheet import HEADER, Sheet
 from localization.uncertainty_field import UncertaintyField
 from maps.arrays import FloatArray
 from planner.matrix import CostMatrix
 
 #: More places than these do not fit in a table.
 MAX_DRAWN = 12
-_HEADER = 30
-_OVERSAMPLING = 2
 _CELL = 58
 _ROW = 26
 _NAMES = 110
@@ -50,37 +49,16 @@ def matrix_png(
     """
     n, m = min(len(sources), MAX_DRAWN), min(len(targets), MAX_DRAWN)
     side = _NAMES + m * _CELL + 24
-    bounds = field.frame.bounds()
-    map_width = max(64, width - side - 24) * _OVERSAMPLING
-    map_height = round(map_width * (bounds[3] - bounds[1]) / (bounds[2] - bounds[0]))
-    height = max(map_height // _OVERSAMPLING, 2 * (_ROW * (n + 2) + 20)) + _HEADER + 12
-    canvas.check_size(width * _OVERSAMPLING, height * _OVERSAMPLING)
-    view = canvas.fit_view(bounds, map_width, map_height)
-    big = Image.new("RGB", (view.width, view.height), (255, 255, 255))
-    layers.paint_floor(big, view, field.world)
-    limits = layers.color_range(field.metric("area95_m2"), None, None, "log")
-    layers.paint_field(
-        big,
-        view,
-        field,
-        metric="area95_m2",
-        colormap="viridis",
-        limits=limits,
-        scale="log",
-        opacity=0.4,
-    )
-    layers.paint_obstacles(big, view, field.world)
+    tables = 2 * (_ROW * (n + 2) + 20)
+    sheet = Sheet.of(field.frame.bounds(), width, beside=side + 24, below=12, least=tables)
+    view, big = sheet.view, sheet.floor(field, opacity=0.4)
     for names, places in ((targets[:m], matrix.targets[:m]), (sources[:n], matrix.sources[:n])):
         _mark(big, view, names, places)
-    image = Image.new("RGB", (width, height), (255, 255, 255))
-    small = (map_width // _OVERSAMPLING, map_height // _OVERSAMPLING)
-    image.paste(big.resize(small, Image.Resampling.LANCZOS), (12, _HEADER))
-    draw = ImageDraw.Draw(image)
-    draw.text((12, 8), canvas.plain(field.world.name), fill=layers.INK, font=canvas.font(15))
+    image, draw = sheet.with_map(big, field.world.name)
     left = width - side + 12
     titles = (("length [m]", matrix.length, 1), ("worst r95 [m]", matrix.worst_r95, 3))
     for k, (title, values, digits) in enumerate(titles):
-        top = _HEADER + k * (_ROW * (n + 2) + 20)
+        top = HEADER + k * (_ROW * (n + 2) + 20)
         _table(draw, (left, top), title, values[:n, :m], digits, (sources[:n], targets[:m]))
     return canvas.encode_png(image)
 

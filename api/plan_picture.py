@@ -11,6 +11,7 @@ from PIL import Image, ImageDraw
 
 from api import canvas, layers, plan_marks
 from api.canvas import Color
+from api.sheet import BAR, Sheet
 from localization.covariance import ellipse95
 from localization.uncertainty_field import UncertaintyField
 from maps.arrays import FloatArray
@@ -26,11 +27,9 @@ _OTHERS: tuple[Color, ...] = (
     (0, 140, 165),
     (80, 80, 90),
 )
-_HEADER = 30
 _FOOTER = 84
 _ROW = 20
 _GREY: Color = (90, 96, 104)
-_OVERSAMPLING = 2
 _MARGIN_M = 2.0
 _ENLARGEMENTS = (1, 2, 5, 10, 20, 50, 100, 200)
 # Ellipses that reach further than this part of the picture's width are left out: they would hide the rest.
@@ -71,63 +70,28 @@ def plan_png(field: UncertaintyField, answer: dict[str, Any], *, width: int = 15
     """
     routes = _routes(answer)
     bounds = _window(field, routes)
-    map_width = max(64, width - 142) * _OVERSAMPLING
-    map_height = round(map_width * (bounds[3] - bounds[1]) / (bounds[2] - bounds[0]))
     is_list = len(answer["routes"]) > 1
     footer = 44 + _ROW * (len(routes) + 1) if is_list else _FOOTER
-    height = map_height // _OVERSAMPLING + _HEADER + footer
-    canvas.check_size(width * _OVERSAMPLING, height * _OVERSAMPLING)
-    view = canvas.fit_view(bounds, map_width, map_height)
-    limits = layers.color_range(field.metric("area95_m2"), None, None, "log")
-    rows, cols = np.indices(field.frame.shape)
+    sheet = Sheet.of(bounds, width, beside=BAR, below=footer)
+    view = sheet.view
     enlargement = _enlargement(routes, view.scale)
-    big = _map_with_routes(field, view, limits, routes, enlargement, answer)
-    image = Image.new("RGB", (width, height), (255, 255, 255))
-    small = (map_width // _OVERSAMPLING, map_height // _OVERSAMPLING)
-    image.paste(big.resize(small, Image.Resampling.LANCZOS), (12, _HEADER))
-    layers.paint_color_bar(
-        image,
-        width - 106,
-        colormap="viridis",
-        limits=limits,
-        scale="log",
-        title="area95 [m²]",
-        doubtful=bool(layers.is_doubtful(field, (rows, cols)).any()),
-    )
-    draw = ImageDraw.Draw(image)
-    draw.text(
-        (12, 8),
-        canvas.plain(title or f"{field.world.name}: {answer['status']}"),
-        fill=layers.INK,
-        font=canvas.font(15),
-    )
+    big = _map_with_routes(field, sheet, routes, enlargement, answer)
+    image, draw = sheet.with_map(big, title or f"{field.world.name}: {answer['status']}")
+    sheet.paint_bar(image, field)
     paint = _paint_table if is_list else _paint_key
     largest = _LARGEST * view.width / (view.scale * enlargement)
-    paint(draw, height - footer + 10, routes, enlargement, largest)
+    paint(draw, sheet.height - footer + 10, routes, enlargement, largest)
     return canvas.encode_png(image)
 
 
 def _map_with_routes(
     field: UncertaintyField,
-    view: canvas.View,
-    limits: tuple[float, float],
+    sheet: Sheet,
     routes: list[_Drawn],
     enlargement: int,
     answer: dict[str, Any],
 ) -> Image.Image:
-    image = Image.new("RGB", (view.width, view.height), (255, 255, 255))
-    layers.paint_floor(image, view, field.world)
-    layers.paint_field(
-        image,
-        view,
-        field,
-        metric="area95_m2",
-        colormap="viridis",
-        limits=limits,
-        scale="log",
-        opacity=0.62,
-    )
-    layers.paint_obstacles(image, view, field.world)
+    view, image = sheet.view, sheet.floor(field, opacity=0.62)
     plan_marks.paint_areas(image, view, answer["request"])
     layers.paint_landmarks(image, view, field.world, radius=5.0)
     positions = dict(zip(field.world.landmarks.ids, field.world.landmarks.positions, strict=True))

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from PIL import Image, ImageDraw
+from PIL import ImageDraw
 
 from api import canvas, layers, plan_marks
 from api.canvas import Color, View
+from api.sheet import BAR, Sheet
 from localization.uncertainty_field import UncertaintyField
 from maps.arrays import FloatArray
 from maps.world import World
@@ -21,10 +22,7 @@ _BACKWARDS: Color = (190, 0, 110)
 _TURNING: Color = (80, 80, 90)
 _SHORTEST: Color = (214, 79, 12)
 _GREY: Color = (90, 96, 104)
-_HEADER = 30
 _FOOTER = 84
-_BAR = 142
-_OVERSAMPLING = 2
 _MARGIN_M = 1.5
 _LEAST_M = 8.0
 _DISC_CORNERS = 48
@@ -80,25 +78,8 @@ def pose_png(
     shortest = answer.get("shortest_baseline")
     other = None if shortest is None else np.array([[p["x_m"], p["y_m"]] for p in shortest["path"]])
     window = _window(field.world, problem, motion, other)
-    map_width = max(64, width - _BAR) * _OVERSAMPLING
-    map_height = round(map_width * (window[3] - window[1]) / (window[2] - window[0]))
-    height = map_height // _OVERSAMPLING + _HEADER + _FOOTER
-    canvas.check_size(width * _OVERSAMPLING, height * _OVERSAMPLING)
-    view = canvas.fit_view(window, map_width, map_height)
-    limits = layers.color_range(field.metric("area95_m2"), None, None, "log")
-    big = Image.new("RGB", (view.width, view.height), (255, 255, 255))
-    layers.paint_floor(big, view, field.world)
-    layers.paint_field(
-        big,
-        view,
-        field,
-        metric="area95_m2",
-        colormap="viridis",
-        limits=limits,
-        scale="log",
-        opacity=0.45,
-    )
-    layers.paint_obstacles(big, view, field.world)
+    sheet = Sheet.of(window, width, beside=BAR, below=_FOOTER)
+    view, big = sheet.view, sheet.floor(field, opacity=0.45)
     plan_marks.paint_areas(big, view, answer["request"])
     layers.paint_landmarks(big, view, field.world, radius=6.0)
     draw = ImageDraw.Draw(big, "RGBA")
@@ -109,23 +90,9 @@ def pose_png(
         _paint_motion(draw, view, motion, outline_of(problem))
     plan_marks.paint_places(big, view, answer)
     _paint_ends(draw, view, problem)
-    image = Image.new("RGB", (width, height), (255, 255, 255))
-    small = (map_width // _OVERSAMPLING, map_height // _OVERSAMPLING)
-    image.paste(big.resize(small, Image.Resampling.LANCZOS), (12, _HEADER))
-    rows, cols = np.indices(field.frame.shape)
-    layers.paint_color_bar(
-        image,
-        width - 106,
-        colormap="viridis",
-        limits=limits,
-        scale="log",
-        title="area95 [m²]",
-        doubtful=bool(layers.is_doubtful(field, (rows, cols)).any()),
-    )
-    key = ImageDraw.Draw(image)
-    text = title or f"{field.world.name}: {answer['status']}"
-    key.text((12, 8), canvas.plain(text), fill=layers.INK, font=canvas.font(15))
-    _paint_key(key, height - _FOOTER + 10, answer, motion)
+    image, key = sheet.with_map(big, title or f"{field.world.name}: {answer['status']}")
+    sheet.paint_bar(image, field)
+    _paint_key(key, sheet.height - _FOOTER + 10, answer, motion)
     return canvas.encode_png(image)
 
 

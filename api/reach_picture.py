@@ -7,15 +7,13 @@ from PIL import Image, ImageDraw
 
 from api import canvas, layers
 from api.canvas import Color
+from api.sheet import BAR, Sheet
 from localization.uncertainty_field import UncertaintyField
 from maps.arrays import FloatArray
 from planner.reachability import Region
 
 _REGION: Color = (0, 92, 230)
-_HEADER = 30
 _FOOTER = 30
-_OVERSAMPLING = 2
-_BAR = 142
 _UNITS = {"cost": "m of cost", "length": "m", "time": "s"}
 
 
@@ -38,45 +36,14 @@ def reach_png(field: UncertaintyField, region: Region, *, width: int = 1500, tit
     InvalidPicture
         If the width makes no sense.
     """
-    bounds = field.frame.bounds()
-    map_width = max(64, width - _BAR) * _OVERSAMPLING
-    map_height = round(map_width * (bounds[3] - bounds[1]) / (bounds[2] - bounds[0]))
-    height = map_height // _OVERSAMPLING + _HEADER + _FOOTER
-    canvas.check_size(width * _OVERSAMPLING, height * _OVERSAMPLING)
-    view = canvas.fit_view(bounds, map_width, map_height)
-    limits = layers.color_range(field.metric("area95_m2"), None, None, "log")
-    image = Image.new("RGB", (view.width, view.height), (255, 255, 255))
-    layers.paint_floor(image, view, field.world)
-    layers.paint_field(
-        image,
-        view,
-        field,
-        metric="area95_m2",
-        colormap="viridis",
-        limits=limits,
-        scale="log",
-        opacity=0.62,
-    )
-    layers.paint_obstacles(image, view, field.world)
+    sheet = Sheet.of(field.frame.bounds(), width, beside=BAR, below=_FOOTER)
+    view, image = sheet.view, sheet.floor(field, opacity=0.62)
     image = _shaded(image, view, region)
     layers.paint_landmarks(image, view, field.world, radius=5.0)
     _mark(image, view, region)
-    whole = Image.new("RGB", (width, height), (255, 255, 255))
-    small = (map_width // _OVERSAMPLING, map_height // _OVERSAMPLING)
-    whole.paste(image.resize(small, Image.Resampling.LANCZOS), (12, _HEADER))
-    rows, cols = np.indices(field.frame.shape)
-    layers.paint_color_bar(
-        whole,
-        width - 106,
-        colormap="viridis",
-        limits=limits,
-        scale="log",
-        title="area95 [m²]",
-        doubtful=bool(layers.is_doubtful(field, (rows, cols)).any()),
-    )
-    draw = ImageDraw.Draw(whole)
-    draw.text((12, 8), canvas.plain(title or field.world.name), fill=layers.INK, font=canvas.font(15))
-    canvas.write(draw, (14, height - _FOOTER / 2), _words(region), size=14)
+    whole, draw = sheet.with_map(image, title or field.world.name)
+    sheet.paint_bar(whole, field)
+    canvas.write(draw, (14, sheet.height - _FOOTER / 2), _words(region), size=14)
     return canvas.encode_png(whole)
 
 

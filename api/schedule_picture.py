@@ -9,6 +9,7 @@ from PIL import Image, ImageDraw
 
 from api import canvas, layers
 from api.canvas import Color, View
+from api.sheet import Sheet
 from localization.uncertainty_field import UncertaintyField
 from maps.arrays import FloatArray
 
@@ -24,10 +25,8 @@ _COLORS: tuple[Color, ...] = (
 _NONE: Color = (70, 70, 80)
 _TURNING: Color = (176, 180, 188)
 _GREY: Color = (90, 96, 104)
-_HEADER = 30
 _STRIP = 176
 _LEFT = 64
-_OVERSAMPLING = 2
 _MARGIN_M = 1.5
 # Less is nothing, m.
 _SEEN_M = 0.05
@@ -60,23 +59,13 @@ def schedule_png(
     marks = dict(zip(field.world.landmarks.ids, field.world.landmarks.positions, strict=True))
     colors = _colors(route["schedule"])
     window = _window(field, route, marks)
-    map_width = max(64, width - 24) * _OVERSAMPLING
-    map_height = round(map_width * (window[3] - window[1]) / (window[2] - window[0]))
-    height = map_height // _OVERSAMPLING + _HEADER + _STRIP
-    canvas.check_size(width * _OVERSAMPLING, height * _OVERSAMPLING)
-    view = canvas.fit_view(window, map_width, map_height)
-    big = Image.new("RGB", (view.width, view.height), (255, 255, 255))
-    layers.paint_floor(big, view, field.world)
-    layers.paint_obstacles(big, view, field.world)
+    sheet = Sheet.of(window, width, beside=24, below=_STRIP)
+    view, big = sheet.view, sheet.floor(field)
     layers.paint_landmarks(big, view, field.world, radius=6.0)
     _paint_stretches(big, view, route, marks, colors)
-    image = Image.new("RGB", (width, height), (255, 255, 255))
-    small = (map_width // _OVERSAMPLING, map_height // _OVERSAMPLING)
-    image.paste(big.resize(small, Image.Resampling.LANCZOS), (12, _HEADER))
-    draw = ImageDraw.Draw(image)
     said = title or f"{field.world.name}: which three landmarks to look at, by stretch"
-    draw.text((12, 8), canvas.plain(said), fill=layers.INK, font=canvas.font(15))
-    _paint_profile(draw, route, colors, (_LEFT, height - _STRIP + 22, width - 24, height - 54))
+    image, draw = sheet.with_map(big, said)
+    _paint_profile(draw, route, colors, (_LEFT, sheet.height - _STRIP + 22, width - 24, sheet.height - 54))
     return canvas.encode_png(image)
 
 
