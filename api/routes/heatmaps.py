@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import math
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from fastapi import APIRouter, Depends, Query, Request
@@ -30,6 +30,11 @@ _MAX_SIDE = 16_384
 _LARGEST = 1e9
 _SMALLEST_WINDOW_M = 0.01
 METRIC = Query(description=f"One of {', '.join(METRICS)}.")
+ColormapName = Annotated[str, Query(max_length=50, description=f"One of {', '.join(COLORMAPS)}.")]
+Scale = Annotated[
+    Literal["log", "linear"] | None,
+    Query(description="Of the colours; default: linear for n_visible and validity, else log."),
+]
 if TYPE_CHECKING:
     Metric = str
 else:  # the engine's list is the only one; a checker cannot read a Literal made at run time
@@ -56,6 +61,16 @@ class Picture(BaseModel):
     heading: str | None
 
 
+def rescale_query(of: str) -> Any:
+    """The parameter of the ends of the colours; ``of`` says whose percentiles are the default."""
+    return Query(
+        max_length=100,
+        description="Ends of the colours as min,max in the metric's unit; default: 1st and 99th "
+        f"percentile of the {of}.",
+        examples=["0.001,1"],
+    )
+
+
 def picture(
     metric: Annotated[Metric, METRIC] = "area95_m2",
     width: Annotated[Side, Query(description="Width with the colour bar, px.")] = None,
@@ -66,22 +81,9 @@ def picture(
     bbox: Annotated[
         str | None, Query(max_length=200, description="Window x_min,y_min,x_max,y_max, m; default: all.")
     ] = None,
-    colormap_name: Annotated[
-        str, Query(max_length=50, description=f"One of {', '.join(COLORMAPS)}.")
-    ] = DEFAULT_COLORMAP,
-    rescale: Annotated[
-        str | None,
-        Query(
-            max_length=100,
-            description="Ends of the colours as min,max in the metric's unit; default: 1st and 99th "
-            "percentile of the window.",
-            examples=["0.001,1"],
-        ),
-    ] = None,
-    scale: Annotated[
-        Literal["log", "linear"] | None,
-        Query(description="Of the colours; default: linear for n_visible and validity, else log."),
-    ] = None,
+    colormap_name: ColormapName = DEFAULT_COLORMAP,
+    rescale: Annotated[str | None, rescale_query("window")] = None,
+    scale: Scale = None,
     legend: Annotated[bool, Query(description="Colour bar at the right.")] = True,
     landmarks: Annotated[bool, Query(description="Dots for landmarks.")] = True,
     heading: HeadingQuery = None,

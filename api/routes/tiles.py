@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Annotated, Literal
+from typing import Annotated
 from urllib.parse import urlencode
 
 from fastapi import APIRouter, Depends, Path, Query, Request
@@ -20,7 +20,15 @@ from api.field_views import HeadingQuery, normal_heading, shown_field
 from api.legend import legend_png, legend_to_json
 from api.render import LEAST_HEIGHT, default_scale
 from api.routes.common import NOT_MODIFIED, answer, binary, json_response, problems
-from api.routes.heatmaps import METRIC, RENDERER, Metric, limits_of
+from api.routes.heatmaps import (
+    METRIC,
+    RENDERER,
+    ColormapName,
+    Metric,
+    Scale,
+    limits_of,
+    rescale_query,
+)
 from api.store_records import FieldRecord, NotFound
 from api.tiles import TILE_PX, Pyramid, tile_npy, tile_png, whole_range
 from localization.uncertainty_field import UncertaintyField
@@ -66,22 +74,9 @@ class Colours(BaseModel):
 
 def colours(
     metric: Annotated[Metric, METRIC] = "area95_m2",
-    colormap_name: Annotated[
-        str, Query(max_length=50, description=f"One of {', '.join(COLORMAPS)}.")
-    ] = DEFAULT_COLORMAP,
-    rescale: Annotated[
-        str | None,
-        Query(
-            max_length=100,
-            description="Ends of the colours as min,max in the metric's unit; default: 1st and 99th "
-            "percentile of the whole field.",
-            examples=["0.001,1"],
-        ),
-    ] = None,
-    scale: Annotated[
-        Literal["log", "linear"] | None,
-        Query(description="Of the colours; default: linear for n_visible and validity, else log."),
-    ] = None,
+    colormap_name: ColormapName = DEFAULT_COLORMAP,
+    rescale: Annotated[str | None, rescale_query("whole field")] = None,
+    scale: Scale = None,
     heading: HeadingQuery = None,
 ) -> Colours:
     """The colours that the query asks for.

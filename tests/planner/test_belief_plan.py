@@ -27,6 +27,7 @@ from planner.plan import plan, warm_up
 from planner.problem import PlanningProblem
 from planner.result import PlanStatus
 from planner.unmet import round_up
+from tests.compiled import signatures
 from tests.fields import synthetic_field
 from tests.planner.test_plan import RING, G, S
 from tests.worlds import world_from_ascii
@@ -389,14 +390,7 @@ def kernels_compiled_after_warming_up():
     sensor = OmnidirectionalSensor(0.004, max_range=3.6)
     contexts = [PlanningContext(build_field(world_from_ascii(FLOOR), sensor, resolution=0.25))]
     contexts.append(PlanningContext(synthetic_field(world_from_ascii(RING), 0.25, _blind_below)))
-    kernels = {
-        f"{name}.{key}": value
-        for name, module in list(sys.modules.items())
-        if ".kernels." in name and name.split(".")[0] in {"maps", "localization", "planner"}
-        for key, value in vars(module).items()
-        if hasattr(value, "signatures")
-    }
-    before = {name: len(kernel.signatures) for name, kernel in kernels.items()}
+    before = signatures()
     known = {"covariance": "fused", "start_covariance": KNOWN}
     bounds = {"max_r95": 0.1, "max_ellipse95": 0.1, "max_collision_probability": 1e-3}
     asked = [
@@ -408,7 +402,7 @@ def kernels_compiled_after_warming_up():
     ]
     for which, (start, goal), values in asked:
         plan(PlanningProblem(start, goal, 0.3, deadline=20.0, **values), contexts[which])
-    return before, [n for n, kernel in kernels.items() if len(kernel.signatures) > before[n]]
+    return before, [name for name, count in signatures().items() if count > before.get(name, 0)]
 
 
 @COMPILED

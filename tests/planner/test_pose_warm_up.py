@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.compiled import signatures
+
 COMPILED = pytest.mark.skipif(
     os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="kernels are not compiled here"
 )
@@ -29,14 +31,7 @@ def kernels_compiled_after_warming_up():
         PlanningContext(build_heading_field(room, ahead, resolution=0.25, headings=8)),
     ]
     warm_up()
-    kernels = {
-        f"{name}.{key}": value
-        for name, module in list(sys.modules.items())
-        if ".kernels." in name and name.split(".")[0] in {"maps", "localization", "planner"}
-        for key, value in vars(module).items()
-        if hasattr(value, "signatures")
-    }
-    before = {name: len(kernel.signatures) for name, kernel in kernels.items()}
+    before = signatures()
     asked = [
         {"footprint": OUTLINE, "kinematics": "differential"},
         {
@@ -57,7 +52,7 @@ def kernels_compiled_after_warming_up():
                 ),
                 context,
             )
-    return before, [name for name, kernel in kernels.items() if len(kernel.signatures) > before[name]]
+    return before, [name for name, count in signatures().items() if count > before.get(name, 0)]
 
 
 @COMPILED
